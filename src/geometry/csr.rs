@@ -1,0 +1,196 @@
+//! Compressed rows that can be rewritten one at a time.
+//!
+//! [`SlotCsr`] is a CSR whose rows carry start *and* length, so an edit rewrites the rows it touches and leaves the
+//! rest of the arena alone: cost and upload follow the wound, not the model. Built by count, scan, fill.
+
+use super::hash::StateHash;
+use super::tracked::{Delta, Tracked};
+use bytemuck::{Pod, Zeroable};
+
+/// Where a row lies in the arena.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Span {
+    /// First entry.
+    pub start: u32,
+    /// Number of entries.
+    pub len: u32,
+}
+
+/// Rows of `T`, each rewritable. Shape: `spans.len()` rows over one arena of entries.
+#[derive(Clone, Debug)]
+pub struct SlotCsr<T> {
+    spans: Tracked<Span>,
+    entries: Tracked<T>,
+}
+
+/// What changed in a [`SlotCsr`].
+#[derive(Clone, Debug)]
+pub struct SlotCsrDelta<T> {
+    /// Changes of the row table.
+    pub spans: Delta<Span>,
+    /// Changes of the arena.
+    pub entries: Delta<T>,
+}
+
+impl<T> Default for SlotCsr<T> {
+    fn default() -> Self {
+        Self { spans: Tracked::default(), entries: Tracked::default() }
+    }
+}
+
+impl<T> Default for SlotCsrDelta<T> {
+    fn default() -> Self {
+        Self { spans: Delta::default(), entries: Delta::default() }
+    }
+}
+
+impl<T> SlotCsrDelta<T> {
+    /// True if nothing changed.
+    pub fn is_empty(&self) -> bool {
+        self.spans.is_empty() && self.entries.is_empty()
+    }
+
+    /// Heap bytes held.
+    pub fn heap_bytes(&self) -> usize {
+        self.spans.heap_bytes() + self.entries.heap_bytes()
+    }
+}
+
+impl<T: Copy + Pod> SlotCsr<T> {
+    /// `rows` empty rows.
+    pub fn with_rows(rows: usize) -> Self {
+        Self { spans: vec![Span::default(); rows].into(), entries: Vec::new().into() }
+    }
+
+    /// From a list of rows.
+    pub fn from_rows<'a>(rows: impl IntoIterator<Item = &'a [T]>) -> Self
+    where
+        T: 'a,
+    {
+        let mut spans = Vec::new();
+        let mut entries = Vec::new();
+        for row in rows {
+            spans.push(Span { start: entries.len() as u32, len: row.len() as u32 });
+            entries.extend_from_slice(row);
+        }
+        Self { spans: spans.into(), entries: entries.into() }
+    }
+
+    /// From `(row, entry)` pairs in any order; entries of a row keep their relative order.
+    pub fn from_pairs(rows: usize, pairs: &[(u32, T)]) -> Self {
+        let mut spans = vec![Span::default(); rows];
+        for (row, _) in pairs {
+            spans[*row as usize].len += 1;
+        }
+        let mut start = 0;
+        for span in &mut spans {
+            span.start = start;
+            start += span.len;
+        }
+        let mut cursor: Vec<u32> = spans.iter().map(|s| s.start).collect();
+        let mut entries = vec![T::zeroed(); pairs.len()];
+        for (row, entry) in pairs {
+            let at = &mut cursor[*row as usize];
+            entries[*at as usize] = *entry;
+            *at += 1;
+        }
+        Self { spans: spans.into(), entries: entries.into() }
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.spans.len()
+    }
+
+    /// Number of entries in all rows (not the arena, which may have holes).
+    pub fn len(&self) -> usize {
+        self.spans.iter().map(|s| s.len as usize).sum()
+    }
+
+    /// True if no row has an entry.
+    pub fn is_empty(&self) -> bool {
+        self.spans.iter().all(|s| s.len == 0)
+    }
+
+    /// One row.
+    #[inline]
+    pub fn row(&self, row: usize) -> &[T] {
+        let span = self.spans[row];
+        &self.entries[span.start as usize..(span.start + span.len) as usize]
+    }
+
+    /// The row table: what the GPU mirrors.
+    pub fn spans(&self) -> &[Span] {
+        &self.spans
+    }
+
+    /// The whole arena, holes included: what the GPU mirrors.
+    pub fn arena(&self) -> &[T] {
+        &self.entries
+    }
+
+    /// Appends a row and returns its index.
+    pub fn push_row(&mut self, entries: &[T]) -> usize {
+        let start = self.entries.extend(entries) as u32;
+        self.spans.push(Span { start, len: entries.len() as u32 })
+    }
+
+    /// Appends empty rows up to `rows` in all.
+    pub fn grow_rows(&mut self, rows: usize) {
+        while self.spans.len() < rows {
+            self.spans.push(Span { start: self.entries.len() as u32, len: 0 });
+        }
+    }
+
+    /// Replaces a row: in place where the new entries fit, else at the arena's end.
+    pub fn set_row(&mut self, row: usize, entries: &[T]) {
+        let old = self.spans[row];
+        if entries.len() <= old.len as usize {
+            for (k, entry) in entries.iter().enumerate() {
+                self.entries.set(old.start as usize + k, *entry);
+            }
+            if entries.len() != old.len as usize {
+                self.spans.set(row, Span { start: old.start, len: entries.len() as u32 });
+            }
+        } else {
+            let start = self.entries.extend(entries) as u32;
+            self.spans.set(row, Span { start, len: entries.len() as u32 });
+        }
+    }
+
+    /// Everything changed since the last call.
+    pub fn take_delta(&mut self) -> SlotCsrDelta<T> {
+        SlotCsrDelta { spans: self.spans.take_delta(), entries: self.entries.take_delta() }
+    }
+
+    /// Goes back by the newest delta and returns the way forward.
+    pub fn apply_delta(&mut self, delta: SlotCsrDelta<T>) -> SlotCsrDelta<T> {
+        SlotCsrDelta { spans: self.spans.apply(delta.spans), entries: self.entries.apply(delta.entries) }
+    }
+
+    /// Feeds rows and arena into `hash`.
+    pub fn hash_into(&self, hash: &mut StateHash) {
+        self.spans.hash_into(hash);
+        self.entries.hash_into(hash);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_survive_rewrites_and_undo() {
+        let mut csr = SlotCsr::from_pairs(3, &[(2, 7u32), (0, 1), (2, 8)]);
+        assert_eq!((csr.row(0), csr.row(1), csr.row(2)), (&[1][..], &[][..], &[7, 8][..]));
+        csr.set_row(1, &[4, 5, 6]);
+        csr.set_row(2, &[9]);
+        csr.push_row(&[3]);
+        assert_eq!((csr.row(1), csr.row(2), csr.row(3)), (&[4, 5, 6][..], &[9][..], &[3][..]));
+        assert_eq!(csr.len(), 6);
+        let delta = csr.take_delta();
+        csr.apply_delta(delta);
+        assert_eq!((csr.rows(), csr.row(1), csr.row(2)), (3, &[][..], &[7, 8][..]));
+    }
+}

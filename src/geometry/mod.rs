@@ -1,0 +1,14 @@
+//! Indices, arrays that can be taken back, and the triangle mesh. Knows nothing of bones, particles or tools.
+
+pub mod csr;
+pub mod hash;
+pub mod ids;
+pub mod mesh;
+pub mod topology;
+pub mod tracked;
+
+pub use csr::{SlotCsr, SlotCsrDelta, Span};
+pub use hash::StateHash;
+pub use ids::{FaceId, HalfEdge, ParticleId, SectionId, VertexId, WedgeId};
+pub use mesh::{FaceInfo, Mesh, MeshDelta, Wedge};
+pub use tracked::{Delta, Tracked};

@@ -1,0 +1,308 @@
+//! Changing a [`Mesh`]: replacing faces by others, opening edges, splitting vertices whose faces fall into several fans.
+
+use super::ids::{FaceId, HalfEdge, SectionId, VertexId, WedgeId};
+use super::mesh::{FaceInfo, Mesh, Wedge};
+
+/// A face to be put in by [`Mesh::replace_faces`].
+#[derive(Clone, Copy, Debug)]
+pub struct NewFace {
+    /// Corners, counter-clockwise from outside.
+    pub corners: [VertexId; 3],
+    /// Wedges of the corners.
+    pub wedges: [WedgeId; 3],
+    /// Material, provenance, section.
+    pub info: FaceInfo,
+    /// Faces are joined only to faces of the same side: 0 for all but a plane cut, where the sides are 1 and 2.
+    pub side: u8,
+}
+
+/// A vertex made by splitting another whose faces fell into several fans.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SplitVertex {
+    /// The new vertex.
+    pub vertex: VertexId,
+    /// The vertex it was split from.
+    pub from: VertexId,
+}
+
+/// Scratch of the topology edits, kept between edits so that they do not allocate.
+#[derive(Debug, Default)]
+pub struct TopologyScratch {
+    edges: Vec<(u64, u8, HalfEdge)>,
+    removed: Vec<FaceId>,
+    vertices: Vec<VertexId>,
+    half_edges: Vec<HalfEdge>,
+    /// Faces added by the last [`Mesh::replace_faces`], in the order they were given.
+    pub added: Vec<FaceId>,
+}
+
+impl Mesh {
+    /// Appends a vertex without faces.
+    pub fn add_vertex(&mut self) -> VertexId {
+        VertexId::new(self.vertex_half_edge.push(HalfEdge::NONE))
+    }
+
+    /// Appends a wedge; a `group` of [`WedgeId::NONE`] starts a group of its own.
+    pub fn add_wedge(&mut self, mut wedge: Wedge) -> WedgeId {
+        let id = WedgeId::new(self.wedges.len());
+        if wedge.group.is_none() {
+            wedge.group = id;
+        }
+        self.wedges.push(wedge);
+        id
+    }
+
+    /// Removes `removed` (live, each once) and puts in `added`, joined among themselves and to the faces around the
+    /// hole along edges with the same ends, opposite directions and the same side. Edges left without a partner become
+    /// open. `side_of` tells the side of a surviving face at the hole's rim. Vertices may be left with several fans: call
+    /// [`Mesh::split_fans`]. The ids of the added faces are left in `scratch.added`.
+    pub fn replace_faces(
+        &mut self,
+        removed: &[FaceId],
+        added: &[NewFace],
+        side_of: impl Fn(FaceId) -> u8,
+        scratch: &mut TopologyScratch,
+    ) {
+        scratch.edges.clear();
+        scratch.removed.clear();
+        scratch.removed.extend_from_slice(removed);
+        scratch.removed.sort_unstable();
+        for &f in &scratch.removed {
+            for k in 0..3 {
+                let out = self.opposite(HalfEdge::of(f, k));
+                if out.is_some() && scratch.removed.binary_search(&out.face()).is_err() {
+                    scratch.edges.push((self.edge_key(out), side_of(out.face()), out));
+                    self.set_opposite(out, HalfEdge::NONE);
+                }
+            }
+        }
+        self.retarget_vertices(removed, scratch);
+        for &f in removed {
+            self.kill_face(f);
+        }
+        scratch.added.clear();
+        for face in added {
+            let id = self.put_face(face);
+            scratch.added.push(id);
+            for k in 0..3 {
+                let h = HalfEdge::of(id, k);
+                scratch.edges.push((self.edge_key(h), face.side, h));
+            }
+        }
+        scratch.edges.sort_unstable();
+        for run in scratch.edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            if let [(.., a), (.., b)] = *run
+                && self.from(a) != self.from(b)
+            {
+                self.set_opposite(a, b);
+                self.set_opposite(b, a);
+            }
+        }
+    }
+
+    /// Opens an edge: the two faces no longer touch along it.
+    pub fn open_edge(&mut self, h: HalfEdge) {
+        let back = self.opposite(h);
+        if back.is_some() {
+            self.set_opposite(h, HalfEdge::NONE);
+            self.set_opposite(back, HalfEdge::NONE);
+        }
+    }
+
+    /// Gives each fan of faces around each of `vertices` a vertex of its own. The fan with the lowest half-edge keeps the
+    /// vertex; the others get copies, appended to `out`. `incident` lists candidate faces around those vertices (all of
+    /// them, in any order, repeats and dead ones allowed).
+    pub fn split_fans(
+        &mut self,
+        vertices: &[VertexId],
+        incident: &[FaceId],
+        scratch: &mut TopologyScratch,
+        out: &mut Vec<SplitVertex>,
+    ) {
+        scratch.vertices.clear();
+        scratch.vertices.extend_from_slice(vertices);
+        scratch.vertices.sort_unstable();
+        scratch.vertices.dedup();
+        scratch.half_edges.clear();
+        for &f in incident.iter().filter(|&&f| self.is_live(f)) {
+            for k in 0..3 {
+                if scratch.vertices.binary_search(&self.face(f)[k]).is_ok() {
+                    scratch.half_edges.push(HalfEdge::of(f, k));
+                }
+            }
+        }
+        let mut half_edges = std::mem::take(&mut scratch.half_edges);
+        half_edges.sort_unstable_by_key(|&h| (self.from(h), h));
+        half_edges.dedup();
+        let vertex_of: Vec<VertexId> = half_edges.iter().map(|&h| self.from(h)).collect();
+        let mut at = 0;
+        while at < half_edges.len() {
+            let v = vertex_of[at];
+            let end = at + vertex_of[at..].iter().take_while(|&&u| u == v).count();
+            let mut first_fan = true;
+            for i in at..end {
+                let h = half_edges[i];
+                if self.from(h) != v {
+                    continue; // an earlier fan of this vertex took it
+                }
+                if first_fan {
+                    first_fan = false;
+                    self.set_vertex_half_edge(v, h);
+                    self.mark_fan(h, &mut scratch.edges);
+                    continue;
+                }
+                if scratch.edges.binary_search_by_key(&h, |e| e.2).is_ok() {
+                    continue;
+                }
+                let copy = self.add_vertex();
+                self.reassign_fan(h, v, copy);
+                out.push(SplitVertex { vertex: copy, from: v });
+            }
+            at = end;
+        }
+        scratch.half_edges = half_edges;
+    }
+
+    fn mark_fan(&self, h: HalfEdge, marked: &mut Vec<(u64, u8, HalfEdge)>) {
+        marked.clear();
+        let start = self.fan_start(h);
+        let mut at = start;
+        while at.is_some() {
+            marked.push((0, 0, at));
+            at = self.opposite(at.prev());
+            if at == start {
+                break;
+            }
+        }
+        marked.sort_unstable_by_key(|e| e.2);
+    }
+
+    /// Moves the fan of `h` from vertex `v` to `copy`, with copies of its wedges.
+    fn reassign_fan(&mut self, h: HalfEdge, v: VertexId, copy: VertexId) {
+        let start = self.fan_start(h);
+        let mut copies: Vec<(WedgeId, WedgeId)> = Vec::new();
+        let mut at = start;
+        while at.is_some() {
+            let (f, k) = (at.face().index(), at.corner());
+            let mut corners = self.faces[f];
+            debug_assert_eq!(corners[k], v);
+            corners[k] = copy;
+            self.faces.set(f, corners);
+            let mut wedges = self.face_wedges[f];
+            wedges[k] = self.copy_wedge(wedges[k], copy, &mut copies);
+            self.face_wedges.set(f, wedges);
+            at = self.opposite(at.prev());
+            if at == start {
+                break;
+            }
+        }
+        self.set_vertex_half_edge(copy, h);
+    }
+
+    fn copy_wedge(&mut self, wedge: WedgeId, vertex: VertexId, copies: &mut Vec<(WedgeId, WedgeId)>) -> WedgeId {
+        if let Some(&(_, copy)) = copies.iter().find(|c| c.0 == wedge) {
+            return copy;
+        }
+        let old = self.wedge(wedge);
+        let group = copies.iter().find(|c| self.wedge(c.0).group == old.group).map(|c| self.wedge(c.1).group);
+        let copy = self.add_wedge(Wedge { vertex, group: group.unwrap_or(WedgeId::NONE), ..old });
+        copies.push((wedge, copy));
+        copy
+    }
+
+    /// Points vertices that lean on a face of `removed` at a surviving face of the hole's rim, or at none.
+    fn retarget_vertices(&mut self, removed: &[FaceId], scratch: &mut TopologyScratch) {
+        scratch.half_edges.clear();
+        for &(.., out) in &scratch.edges {
+            scratch.half_edges.extend([out, out.next()]); // in a surviving face: they leave the edge's two ends
+        }
+        scratch.half_edges.sort_unstable_by_key(|&h| (self.from(h), h));
+        for &f in removed {
+            for v in self.face(f) {
+                let at = self.vertex_half_edge[v.index()];
+                if at.is_some() && scratch.removed.binary_search(&at.face()).is_ok() {
+                    let i = scratch.half_edges.partition_point(|&h| self.from(h) < v);
+                    let survivor = scratch.half_edges.get(i).copied().filter(|&h| self.from(h) == v);
+                    self.set_vertex_half_edge(v, survivor.unwrap_or(HalfEdge::NONE));
+                }
+            }
+        }
+    }
+
+    fn kill_face(&mut self, f: FaceId) {
+        self.unlink_section(f);
+        let wedges = self.face_wedges[f.index()];
+        self.faces.set(f.index(), [VertexId::NONE; 3]);
+        self.face_wedges.set(f.index(), [wedges[0]; 3]);
+        self.opposite.set(f.index(), [HalfEdge::NONE; 3]);
+        self.free_faces.push(f);
+    }
+
+    fn put_face(&mut self, face: &NewFace) -> FaceId {
+        let id = match self.free_faces.pop() {
+            Some(f) => {
+                self.faces.set(f.index(), face.corners);
+                self.face_wedges.set(f.index(), face.wedges);
+                self.face_info.set(f.index(), face.info);
+                f
+            }
+            None => {
+                self.face_wedges.push(face.wedges);
+                self.face_info.push(face.info);
+                self.opposite.push([HalfEdge::NONE; 3]);
+                self.section_links.push([FaceId::NONE; 2]);
+                FaceId::new(self.faces.push(face.corners))
+            }
+        };
+        self.link_section(id, face.info.section);
+        for k in 0..3 {
+            if self.vertex_half_edge[face.corners[k].index()].is_none() {
+                self.set_vertex_half_edge(face.corners[k], HalfEdge::of(id, k));
+            }
+        }
+        id
+    }
+
+    fn link_section(&mut self, f: FaceId, section: SectionId) {
+        let head = self.section_head[section.index()];
+        self.section_links.set(f.index(), [FaceId::NONE, head]);
+        if head.is_some() {
+            let [_, next] = self.section_links[head.index()];
+            self.section_links.set(head.index(), [f, next]);
+        }
+        self.section_head.set(section.index(), f);
+    }
+
+    fn unlink_section(&mut self, f: FaceId) {
+        let [prev, next] = self.section_links[f.index()];
+        if next.is_some() {
+            let [_, after] = self.section_links[next.index()];
+            self.section_links.set(next.index(), [prev, after]);
+        }
+        if prev.is_some() {
+            let [before, _] = self.section_links[prev.index()];
+            self.section_links.set(prev.index(), [before, next]);
+        } else {
+            self.section_head.set(self.face_info[f.index()].section.index(), next);
+        }
+        self.section_links.set(f.index(), [FaceId::NONE; 2]);
+    }
+
+    fn set_opposite(&mut self, h: HalfEdge, to: HalfEdge) {
+        let f = h.face().index();
+        let mut row = self.opposite[f];
+        row[h.corner()] = to;
+        self.opposite.set(f, row);
+    }
+
+    fn set_vertex_half_edge(&mut self, v: VertexId, h: HalfEdge) {
+        if self.vertex_half_edge[v.index()] != h {
+            self.vertex_half_edge.set(v.index(), h);
+        }
+    }
+
+    fn edge_key(&self, h: HalfEdge) -> u64 {
+        let (a, b) = (self.from(h).0, self.to(h).0);
+        u64::from(a.min(b)) << 32 | u64::from(a.max(b))
+    }
+}

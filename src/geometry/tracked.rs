@@ -1,0 +1,289 @@
+//! Arrays that remember what was written to them: the common currency of undo, dirty ranges and edit reports.
+//!
+//! Every array that an edit may change is a [`Tracked`]. Writes go through [`Tracked::set`], which notes the old
+//! value; [`Tracked::take_delta`] hands over all notes since the last call. A [`Delta`] is proportional to what was
+//! touched, never to the array (MATHS 7). Applying it restores the array bit for bit and returns the inverse.
+
+use super::hash::StateHash;
+use bytemuck::Pod;
+use std::ops::{Deref, Range};
+
+/// A growable array whose changes can be taken back. Reads deref to a slice.
+#[derive(Clone, Debug)]
+pub struct Tracked<T> {
+    data: Vec<T>,
+    log: Vec<(u32, T)>,
+    /// Shortest length since the last delta: entries from here on are new.
+    base_len: usize,
+    /// Entries cut off below `base_len`, first to last.
+    cut: Vec<T>,
+    /// Length at the last delta.
+    start_len: usize,
+}
+
+/// What [`Tracked`] noted between two calls of [`Tracked::take_delta`], enough to go back.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Delta<T> {
+    /// Length to go back to.
+    len: usize,
+    /// Values to write back, applied last to first.
+    writes: Vec<(u32, T)>,
+    /// Values behind `restore_from`, which the change cut off or will be appended by a redo.
+    tail: Vec<T>,
+    /// Length common to both states.
+    restore_from: usize,
+    /// Length of the state the delta was taken from.
+    new_len: usize,
+}
+
+impl<T> Default for Tracked<T> {
+    fn default() -> Self {
+        Self { data: Vec::new(), log: Vec::new(), base_len: 0, cut: Vec::new(), start_len: 0 }
+    }
+}
+
+impl<T> Default for Delta<T> {
+    fn default() -> Self {
+        Self { len: 0, writes: Vec::new(), tail: Vec::new(), restore_from: 0, new_len: 0 }
+    }
+}
+
+impl<T: Copy> From<Vec<T>> for Tracked<T> {
+    fn from(data: Vec<T>) -> Self {
+        let len = data.len();
+        Self { data, log: Vec::new(), base_len: len, cut: Vec::new(), start_len: len }
+    }
+}
+
+impl<T> Deref for Tracked<T> {
+    type Target = [T];
+    fn deref(&self) -> &[T] {
+        &self.data
+    }
+}
+
+impl<T: Copy> Tracked<T> {
+    /// Writes one entry and notes the old value. Panics when out of range, as a slice does.
+    #[inline]
+    pub fn set(&mut self, index: usize, value: T) {
+        if index < self.base_len {
+            self.log.push((index as u32, self.data[index]));
+        }
+        self.data[index] = value;
+    }
+
+    /// Appends one entry and returns its position.
+    #[inline]
+    pub fn push(&mut self, value: T) -> usize {
+        self.data.push(value);
+        self.data.len() - 1
+    }
+
+    /// Appends entries and returns the position of the first.
+    #[inline]
+    pub fn extend(&mut self, values: &[T]) -> usize {
+        self.data.extend_from_slice(values);
+        self.data.len() - values.len()
+    }
+
+    /// Removes and returns the last entry.
+    pub fn pop(&mut self) -> Option<T> {
+        let value = *self.data.last()?;
+        if self.data.len() <= self.base_len {
+            self.cut.insert(0, value);
+            self.base_len -= 1;
+        }
+        self.data.pop();
+        Some(value)
+    }
+
+    /// True if anything was written since the last delta.
+    pub fn is_dirty(&self) -> bool {
+        !self.log.is_empty() || self.data.len() != self.start_len || self.base_len != self.start_len
+    }
+
+    /// Everything noted since the last call; the notes start anew.
+    pub fn take_delta(&mut self) -> Delta<T> {
+        let delta = Delta {
+            len: self.start_len,
+            writes: std::mem::take(&mut self.log),
+            tail: std::mem::take(&mut self.cut),
+            restore_from: self.base_len,
+            new_len: self.data.len(),
+        };
+        self.start_len = self.data.len();
+        self.base_len = self.start_len;
+        delta
+    }
+
+    /// Goes back by `delta`, which must be the newest that was taken; returns the way forward again.
+    pub fn apply(&mut self, delta: Delta<T>) -> Delta<T> {
+        debug_assert!(!self.is_dirty(), "a delta applies to a state without open notes");
+        let new_tail = self.data.split_off(delta.restore_from);
+        self.data.extend_from_slice(&delta.tail);
+        let mut writes = Vec::with_capacity(delta.writes.len());
+        for &(index, value) in delta.writes.iter().rev() {
+            writes.push((index, self.data[index as usize]));
+            self.data[index as usize] = value;
+        }
+        debug_assert_eq!(self.data.len(), delta.len);
+        self.start_len = self.data.len();
+        self.base_len = self.start_len;
+        Delta { len: delta.new_len, writes, tail: new_tail, restore_from: delta.restore_from, new_len: self.data.len() }
+    }
+}
+
+impl<T: Pod> Tracked<T> {
+    /// Feeds length and content into `hash`.
+    pub fn hash_into(&self, hash: &mut StateHash) {
+        hash.word(self.data.len() as u64);
+        hash.bytes(bytemuck::cast_slice(&self.data));
+    }
+}
+
+impl<T> Delta<T> {
+    /// True if nothing changed.
+    pub fn is_empty(&self) -> bool {
+        self.writes.is_empty() && self.len == self.new_len && self.restore_from == self.len
+    }
+
+    /// The entries that differ between the two states, as sorted, merged index ranges of the longer one.
+    /// Gaps of at most `gap` entries are bridged, since one larger upload beats two small ones.
+    pub fn dirty_ranges(&self, gap: usize) -> Vec<Range<usize>> {
+        let mut indices: Vec<usize> = self.writes.iter().map(|w| w.0 as usize).collect();
+        indices.sort_unstable();
+        let mut ranges: Vec<Range<usize>> = Vec::new();
+        let tail = self.restore_from..self.len.max(self.new_len);
+        for range in indices.into_iter().map(|i| i..i + 1).chain((!tail.is_empty()).then_some(tail)) {
+            match ranges.last_mut() {
+                Some(last) if range.start <= last.end + gap => last.end = last.end.max(range.end),
+                _ => ranges.push(range),
+            }
+        }
+        ranges
+    }
+
+    /// Heap bytes that the delta holds.
+    pub fn heap_bytes(&self) -> usize {
+        self.writes.len() * std::mem::size_of::<(u32, T)>() + self.tail.len() * std::mem::size_of::<T>()
+    }
+}
+
+/// Declares the delta of a struct of [`Tracked`] arrays, with `take_delta`, `apply_delta` and `hash_arrays`.
+///
+/// ```ignore
+/// tracked_arrays!(Mesh => MeshDelta { faces: [VertexId; 3], wedges: Wedge });
+/// ```
+#[macro_export]
+macro_rules! tracked_arrays {
+    ($owner:ident => $delta:ident { $($field:ident : $ty:ty),* $(,)? }) => {
+        /// What an edit changed, array by array; enough to go back (MATHS 7).
+        #[derive(Clone, Debug, Default)]
+        pub struct $delta {
+            $(#[doc = concat!("Changes of `", stringify!($field), "`.")]
+            pub $field: $crate::geometry::Delta<$ty>,)*
+        }
+
+        impl $delta {
+            /// True if nothing changed.
+            pub fn is_empty(&self) -> bool {
+                true $(&& self.$field.is_empty())*
+            }
+
+            /// Heap bytes held.
+            pub fn heap_bytes(&self) -> usize {
+                0 $(+ self.$field.heap_bytes())*
+            }
+        }
+
+        impl $owner {
+            /// Everything changed since the last call.
+            pub fn take_delta(&mut self) -> $delta {
+                $delta { $($field: self.$field.take_delta(),)* }
+            }
+
+            /// Goes back by `delta` (the newest taken) and returns the way forward.
+            pub fn apply_delta(&mut self, delta: $delta) -> $delta {
+                $delta { $($field: self.$field.apply(delta.$field),)* }
+            }
+
+            /// Feeds every tracked array into `hash`.
+            pub fn hash_arrays(&self, hash: &mut $crate::geometry::StateHash) {
+                $(self.$field.hash_into(hash);)*
+            }
+        }
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[derive(Clone, Debug)]
+    enum Op {
+        Set(usize, u32),
+        Push(u32),
+        Pop,
+    }
+
+    fn ops() -> impl Strategy<Value = Vec<Op>> {
+        let op = prop_oneof![
+            (any::<usize>(), any::<u32>()).prop_map(|(i, v)| Op::Set(i, v)),
+            any::<u32>().prop_map(Op::Push),
+            Just(Op::Pop),
+        ];
+        prop::collection::vec(op, 0..40)
+    }
+
+    fn run(array: &mut Tracked<u32>, ops: &[Op]) {
+        for op in ops {
+            match *op {
+                Op::Set(i, v) if !array.is_empty() => array.set(i % array.len(), v),
+                Op::Push(v) => drop(array.push(v)),
+                Op::Pop => drop(array.pop()),
+                Op::Set(..) => {}
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn undo_and_redo_restore_every_state(start in prop::collection::vec(any::<u32>(), 0..10), edits in prop::collection::vec(ops(), 1..6)) {
+            let mut array = Tracked::from(start);
+            let mut states = vec![array.to_vec()];
+            let mut undo = Vec::new();
+            for edit in &edits {
+                run(&mut array, edit);
+                undo.push(array.take_delta());
+                states.push(array.to_vec());
+            }
+            let mut redo = Vec::new();
+            for i in (0..undo.len()).rev() {
+                redo.push(array.apply(undo.pop().unwrap()));
+                prop_assert_eq!(&array.to_vec(), &states[i]);
+            }
+            for state in &states[1..] {
+                undo.push(array.apply(redo.pop().unwrap()));
+                prop_assert_eq!(&array.to_vec(), state);
+            }
+            for i in (0..undo.len()).rev() {
+                array.apply(undo.pop().unwrap());
+                prop_assert_eq!(&array.to_vec(), &states[i]);
+            }
+        }
+
+        #[test]
+        fn dirty_ranges_cover_every_difference(start in prop::collection::vec(any::<u32>(), 1..20), edit in ops()) {
+            let mut array = Tracked::from(start.clone());
+            run(&mut array, &edit);
+            let delta = array.take_delta();
+            let ranges = delta.dirty_ranges(0);
+            for i in 0..array.len().max(start.len()) {
+                if array.get(i) != start.get(i) {
+                    prop_assert!(ranges.iter().any(|r| r.contains(&i)));
+                }
+            }
+        }
+    }
+}

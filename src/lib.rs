@@ -1,0 +1,28 @@
+//! Incise tears and cuts soft, rigged, animated models in real time.
+//!
+//! The modules, top to bottom; arrows point down only (`tests/architecture.rs` checks it):
+//!
+//! | module | what it holds |
+//! |---|---|
+//! | [`cli`] | one file a sub-command |
+//! | [`app`] | owns the scene and the tools; one frame reads as a stage list |
+//! | [`host`] | headless (and, later, desktop and VR): each owns its loop |
+//! | [`gpu`] | reads a scene, deforms and draws it, never changes it |
+//! | [`input`] | plain input frames, tools, scripts |
+//! | [`scene`] | tissues by id, edits, severed pieces, history |
+//! | [`tissue`] | mesh, rig, particles and dynamics: one soft body |
+//! | [`formats`] | glTF, OBJ, STL, procedural models |
+//! | [`physics`] | the linear particle network and its exact propagation |
+//! | [`particles`] | Poisson-disk sampling, the particle map, strips, the update after a wound |
+//! | [`surgery`] | blade paths, boxes, the tear, the plane cut |
+//! | [`rig`] | skeleton, animation, vertex rows, skinning |
+//! | [`geometry`] | indices, tracked arrays, the triangle mesh, exact predicates |
+//! | [`diagnostics`] | counters and timings; anyone may use it |
+
+pub mod diagnostics;
+pub mod formats;
+pub mod geometry;
+pub mod particles;
+pub mod physics;
+pub mod rig;
+pub mod surgery;

@@ -1,0 +1,90 @@
+//! The particle map: which particle moves which vertex, and which particles are neighbours (MATHS 3.1).
+
+use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
+use bytemuck::{Pod, Zeroable};
+
+/// A particle's hold on a vertex. Weights of a vertex sum to 1 where any particle reaches it.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Influence {
+    /// The particle.
+    pub particle: ParticleId,
+    /// Normalised weight, 0 to 1.
+    pub weight: f32,
+}
+
+/// A spring between two particles, listed in both their rows with the same weight.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Link {
+    /// The other particle.
+    pub particle: ParticleId,
+    /// Relative stiffness, inversely proportional to the rest distance; 1 at the mean distance.
+    pub weight: f32,
+}
+
+/// Anchors, influences and neighbours of one tissue's particles.
+#[derive(Clone, Debug, Default)]
+pub struct ParticleMap {
+    /// The vertex each particle is anchored to; [`VertexId::NONE`] for a retired particle.
+    pub anchors: Tracked<VertexId>,
+    /// Displacement `u0` at rest in the anchor's rest frame, metres (MATHS 3.3); zero but for wound particles.
+    pub rest_displacement: Tracked<[f64; 3]>,
+    /// One row a vertex (rows: [`crate::geometry::Mesh::vertex_slots`]).
+    pub influences: SlotCsr<Influence>,
+    /// One row a particle.
+    pub neighbours: SlotCsr<Link>,
+}
+
+/// What an edit changed in a [`ParticleMap`].
+#[derive(Clone, Debug, Default)]
+pub struct ParticleMapDelta {
+    /// Changes of the anchors.
+    pub anchors: Delta<VertexId>,
+    /// Changes of the rest displacements.
+    pub rest_displacement: Delta<[f64; 3]>,
+    /// Changes of the influences.
+    pub influences: SlotCsrDelta<Influence>,
+    /// Changes of the neighbours.
+    pub neighbours: SlotCsrDelta<Link>,
+}
+
+impl ParticleMap {
+    /// Number of particle slots, retired ones included.
+    pub fn len(&self) -> usize {
+        self.anchors.len()
+    }
+
+    /// True if there are no particles.
+    pub fn is_empty(&self) -> bool {
+        self.anchors.is_empty()
+    }
+
+    /// Everything changed since the last call.
+    pub fn take_delta(&mut self) -> ParticleMapDelta {
+        ParticleMapDelta {
+            anchors: self.anchors.take_delta(),
+            rest_displacement: self.rest_displacement.take_delta(),
+            influences: self.influences.take_delta(),
+            neighbours: self.neighbours.take_delta(),
+        }
+    }
+
+    /// Goes back by the newest delta and returns the way forward.
+    pub fn apply_delta(&mut self, delta: ParticleMapDelta) -> ParticleMapDelta {
+        ParticleMapDelta {
+            anchors: self.anchors.apply(delta.anchors),
+            rest_displacement: self.rest_displacement.apply(delta.rest_displacement),
+            influences: self.influences.apply_delta(delta.influences),
+            neighbours: self.neighbours.apply_delta(delta.neighbours),
+        }
+    }
+
+    /// Feeds the map into `hash`.
+    pub fn hash_into(&self, hash: &mut StateHash) {
+        self.anchors.hash_into(hash);
+        self.rest_displacement.hash_into(hash);
+        self.influences.hash_into(hash);
+        self.neighbours.hash_into(hash);
+    }
+}

@@ -1,0 +1,1 @@
+//! The linear particle network and its exact propagation.

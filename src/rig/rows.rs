@@ -1,0 +1,146 @@
+//! Vertex rows: every vertex that an edit inserts is an affine combination of base vertices (MATHS 1.1, 1.2).
+//!
+//! *Base* vertices are those the model was loaded with (and promoted ones); they carry a rest position and bone weights.
+//! All others are *embedded*: a sparse row of weights over base vertices that sums to 1, skinned as the same
+//! combination of skinned positions, so they stay on the deformed surface in every pose.
+
+use crate::geometry::{Delta, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
+use bytemuck::{Pod, Zeroable};
+
+/// One term of an embedded vertex's row.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct RowEntry {
+    /// The base vertex.
+    pub base: VertexId,
+    /// Zero; keeps the layout explicit.
+    pub padding: u32,
+    /// Affine weight; those of a row sum to 1.
+    pub weight: f64,
+}
+
+/// One bone of a base vertex.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct BoneWeight {
+    /// Index into the pose's joint matrices.
+    pub joint: u32,
+    /// Weight; those of a vertex sum to 1.
+    pub weight: f32,
+}
+
+/// Rest positions, bone weights and rows of all vertices of a tissue, indexed by [`VertexId`].
+#[derive(Clone, Debug, Default)]
+pub struct VertexRows {
+    /// Rest position in tissue space, metres. Exact for base vertices; for embedded ones the row decides, and this is its
+    /// rounded value.
+    pub rest_position: Tracked<[f32; 3]>,
+    /// Row of each vertex; empty for base vertices.
+    pub rows: SlotCsr<RowEntry>,
+    /// Bones of each base vertex; empty for embedded vertices and for those that no joint moves.
+    pub bones: SlotCsr<BoneWeight>,
+}
+
+/// What an edit changed in [`VertexRows`].
+#[derive(Clone, Debug, Default)]
+pub struct VertexRowsDelta {
+    /// Changes of the rest positions.
+    pub rest_position: Delta<[f32; 3]>,
+    /// Changes of the rows.
+    pub rows: SlotCsrDelta<RowEntry>,
+    /// Changes of the bone weights.
+    pub bones: SlotCsrDelta<BoneWeight>,
+}
+
+impl VertexRows {
+    /// Rows of a freshly loaded model: every vertex is a base vertex. `bones` has a row a vertex.
+    pub fn from_base(rest_position: Vec<[f32; 3]>, bones: SlotCsr<BoneWeight>) -> Self {
+        debug_assert_eq!(rest_position.len(), bones.rows());
+        let vertices = rest_position.len();
+        Self { rest_position: rest_position.into(), rows: SlotCsr::with_rows(vertices), bones }
+    }
+
+    /// Number of vertices.
+    pub fn len(&self) -> usize {
+        self.rest_position.len()
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.rest_position.is_empty()
+    }
+
+    /// True for base vertices.
+    #[inline]
+    pub fn is_base(&self, v: VertexId) -> bool {
+        self.rows.spans()[v.index()].len == 0
+    }
+
+    /// Rest position in f64: the stored one of a base vertex, the row's combination otherwise.
+    pub fn rest(&self, v: VertexId) -> glam::DVec3 {
+        let row = self.rows.row(v.index());
+        if row.is_empty() {
+            return widen(self.rest_position[v.index()]);
+        }
+        row.iter().map(|e| widen(self.rest_position[e.base.index()]) * e.weight).sum()
+    }
+
+    /// Appends the embedded vertex `sum of weight * parent` (parents may be embedded themselves; weights sum to 1).
+    /// Terms over the same base vertex are merged, exact zeros dropped, and the row kept sorted by base vertex.
+    pub fn push_embedded(&mut self, parents: &[(VertexId, f64)]) -> VertexId {
+        let mut row: Vec<RowEntry> = Vec::with_capacity(6);
+        for &(parent, weight) in parents {
+            let entries = self.rows.row(parent.index());
+            if entries.is_empty() {
+                merge(&mut row, parent, weight);
+            }
+            for entry in entries {
+                merge(&mut row, entry.base, entry.weight * weight);
+            }
+        }
+        row.retain(|e| e.weight != 0.0);
+        row.sort_unstable_by_key(|e| e.base);
+        let vertex = VertexId::new(self.rest_position.len());
+        let rest: glam::DVec3 = row.iter().map(|e| widen(self.rest_position[e.base.index()]) * e.weight).sum();
+        self.rest_position.push(rest.as_vec3().to_array());
+        self.rows.push_row(&row);
+        self.bones.push_row(&[]);
+        vertex
+    }
+
+    /// Everything changed since the last call.
+    pub fn take_delta(&mut self) -> VertexRowsDelta {
+        VertexRowsDelta {
+            rest_position: self.rest_position.take_delta(),
+            rows: self.rows.take_delta(),
+            bones: self.bones.take_delta(),
+        }
+    }
+
+    /// Goes back by the newest delta and returns the way forward.
+    pub fn apply_delta(&mut self, delta: VertexRowsDelta) -> VertexRowsDelta {
+        VertexRowsDelta {
+            rest_position: self.rest_position.apply(delta.rest_position),
+            rows: self.rows.apply_delta(delta.rows),
+            bones: self.bones.apply_delta(delta.bones),
+        }
+    }
+
+    /// Feeds rows, rest positions and bones into `hash`.
+    pub fn hash_into(&self, hash: &mut StateHash) {
+        self.rest_position.hash_into(hash);
+        self.rows.hash_into(hash);
+        self.bones.hash_into(hash);
+    }
+}
+
+fn merge(row: &mut Vec<RowEntry>, base: VertexId, weight: f64) {
+    match row.iter_mut().find(|e| e.base == base) {
+        Some(entry) => entry.weight += weight,
+        None => row.push(RowEntry { base, padding: 0, weight }),
+    }
+}
+
+pub(crate) fn widen(p: [f32; 3]) -> glam::DVec3 {
+    glam::Vec3::from_array(p).as_dvec3()
+}

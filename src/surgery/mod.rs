@@ -1,0 +1,1 @@
+//! Blade paths, boxes, the tear, the plane cut.
