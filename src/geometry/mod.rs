@@ -4,6 +4,7 @@ pub mod csr;
 pub mod hash;
 pub mod ids;
 pub mod mesh;
+pub mod predicates;
 pub mod topology;
 pub mod tracked;
 
@@ -11,4 +12,6 @@ pub use csr::{SlotCsr, SlotCsrDelta, Span};
 pub use hash::StateHash;
 pub use ids::{FaceId, HalfEdge, ParticleId, SectionId, VertexId, WedgeId};
 pub use mesh::{FaceInfo, Mesh, MeshDelta, Wedge};
+pub use predicates::Plane;
+pub use topology::{NewFace, SplitVertex, TopologyScratch};
 pub use tracked::{Delta, Tracked};

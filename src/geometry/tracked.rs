@@ -123,7 +123,9 @@ impl<T: Copy> Tracked<T> {
         self.data.extend_from_slice(&delta.tail);
         let mut writes = Vec::with_capacity(delta.writes.len());
         for &(index, value) in delta.writes.iter().rev() {
-            writes.push((index, self.data[index as usize]));
+            if (index as usize) < delta.restore_from {
+                writes.push((index, self.data[index as usize])); // entries behind it travel in the tail
+            }
             self.data[index as usize] = value;
         }
         debug_assert_eq!(self.data.len(), delta.len);
@@ -150,7 +152,7 @@ impl<T> Delta<T> {
     /// The entries that differ between the two states, as sorted, merged index ranges of the longer one.
     /// Gaps of at most `gap` entries are bridged, since one larger upload beats two small ones.
     pub fn dirty_ranges(&self, gap: usize) -> Vec<Range<usize>> {
-        let mut indices: Vec<usize> = self.writes.iter().map(|w| w.0 as usize).collect();
+        let mut indices: Vec<usize> = self.writes.iter().map(|w| w.0 as usize).filter(|&i| i < self.restore_from).collect();
         indices.sort_unstable();
         let mut ranges: Vec<Range<usize>> = Vec::new();
         let tail = self.restore_from..self.len.max(self.new_len);

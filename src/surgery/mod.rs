@@ -1,1 +1,3 @@
-//! Blade paths, boxes, the tear, the plane cut.
+//! Blade paths, boxes, the tear, the plane cut (MATHS 5 and 6).
+
+pub mod clip;
