@@ -54,13 +54,13 @@ impl Mesh {
 
     /// Removes `removed` (live, each once) and puts in `added`, joined among themselves and to the faces around the
     /// hole along edges with the same ends, opposite directions and the same side. Edges left without a partner become
-    /// open. `side_of` tells the side of a surviving face at the hole's rim. Vertices may be left with several fans: call
+    /// open. `side_of` tells the side of a surviving face at the hole's rim from its corners. Vertices may be left with several fans: call
     /// [`Mesh::split_fans`]. The ids of the added faces are left in `scratch.added`.
     pub fn replace_faces(
         &mut self,
         removed: &[FaceId],
         added: &[NewFace],
-        side_of: impl Fn(FaceId) -> u8,
+        side_of: impl Fn([VertexId; 3]) -> u8,
         scratch: &mut TopologyScratch,
     ) {
         scratch.edges.clear();
@@ -71,7 +71,7 @@ impl Mesh {
             for k in 0..3 {
                 let out = self.opposite(HalfEdge::of(f, k));
                 if out.is_some() && scratch.removed.binary_search(&out.face()).is_err() {
-                    scratch.edges.push((self.edge_key(out), side_of(out.face()), out));
+                    scratch.edges.push((self.edge_key(out), side_of(self.face(out.face())), out));
                     self.set_opposite(out, HalfEdge::NONE);
                 }
             }
