@@ -4,3 +4,4 @@ pub mod clip;
 pub mod insert;
 pub mod plane_cut;
 pub mod region;
+pub mod tear;

@@ -1,16 +1,17 @@
 //! The plane cut (the paper's Cutting Algorithm, MATHS 6): every vertex classified once, every crossed edge cut once, every
 //! crossed face split, the surface opened along the plane.
 //!
-//! Ties: a vertex exactly on the plane is not moved and not duplicated into a sliver; faces are split at it, and faces all
-//! of whose corners lie on the plane go to the positive side.
+//! Ties: a vertex exactly on the plane is not moved and makes no sliver: faces are split at it. A face all of whose corners
+//! lie on the plane goes to the side of the solid behind it, so that no flat piece is cut off. A plane with nothing strictly
+//! on one of its sides only grazes the model: a miss.
 
 use super::clip::edge_parameter;
 use super::insert::{EdgePoints, NewVertex, WedgeMaker};
 use crate::geometry::{FaceId, HalfEdge, Mesh, NewFace, Plane, SplitVertex, TopologyScratch, VertexId, WedgeId};
 use glam::DVec3;
 
-/// Faces on the positive side carry this side, those on the other 2.
-pub const POSITIVE: u8 = 1;
+/// Sides of new faces.
+const POSITIVE: u8 = 1;
 const NEGATIVE: u8 = 2;
 
 /// What a plane cut did to the mesh.
@@ -55,38 +56,61 @@ pub struct PlaneCutScratch {
 /// untouched when the plane misses it or only grazes it.
 pub fn plane_cut(mesh: &mut Mesh, plane: &Plane, position: impl Fn(VertexId) -> DVec3, scratch: &mut PlaneCutScratch) -> PlaneCutOutcome {
     let mut outcome = PlaneCutOutcome { faces_visited: mesh.face_count(), ..Default::default() };
-    classify(mesh, plane, &position, scratch);
+    if !classify(mesh, plane, &position, scratch) {
+        return outcome;
+    }
     split_faces(mesh, &position, scratch, &mut outcome);
     outcome.intersection_points = outcome.new_vertices.len();
     outcome.faces_split = scratch.removed.len();
     collect_incident(mesh, scratch);
-    outcome.opened_edges = open_edges_on_plane(mesh, scratch);
+    let sides = Sides { values: &scratch.values, position: &position, normal: plane.normal() };
+    outcome.opened_edges = open_edges_on_plane(mesh, &scratch.incident, &sides);
     if !scratch.removed.is_empty() {
-        let values = &scratch.values;
-        let side = |corners: [VertexId; 3]| side_of(corners.map(|v| values[v.index()]));
-        mesh.replace_faces(&scratch.removed, &scratch.added, side, &mut scratch.topology);
+        mesh.replace_faces(&scratch.removed, &scratch.added, |corners| sides.of(corners), &mut scratch.topology);
         outcome.added_faces.extend_from_slice(&scratch.topology.added);
     }
     split_vertices(mesh, &position, scratch, &mut outcome);
     outcome
 }
 
-/// Values of all live vertices, exact in sign.
-fn classify(mesh: &Mesh, plane: &Plane, position: &impl Fn(VertexId) -> DVec3, scratch: &mut PlaneCutScratch) {
+/// Values of all live vertices, exact in sign. True if some lie strictly on each side.
+fn classify(mesh: &Mesh, plane: &Plane, position: &impl Fn(VertexId) -> DVec3, scratch: &mut PlaneCutScratch) -> bool {
     scratch.values.clear();
     scratch.values.resize(mesh.vertex_slots(), 0.0);
     scratch.on_plane.clear();
+    let (mut above, mut below) = (false, false);
     for v in mesh.live_vertices() {
         let value = plane.value(position(v));
+        above |= value > 0.0;
+        below |= value < 0.0;
         scratch.values[v.index()] = value;
         if value == 0.0 {
             scratch.on_plane.push(v);
         }
     }
+    above && below
 }
 
-fn side_of(values: [f64; 3]) -> u8 {
-    if values.iter().any(|&d| d < 0.0) { NEGATIVE } else { POSITIVE }
+/// Tells the side of a face that the plane does not cross.
+struct Sides<'a, P> {
+    values: &'a [f64],
+    position: &'a P,
+    normal: DVec3,
+}
+
+impl<P: Fn(VertexId) -> DVec3> Sides<'_, P> {
+    fn value(&self, v: VertexId) -> f64 {
+        self.values[v.index()]
+    }
+
+    fn of(&self, corners: [VertexId; 3]) -> u8 {
+        let values = corners.map(|v| self.value(v));
+        if values == [0.0; 3] {
+            let [a, b, c] = corners.map(self.position);
+            return if (b - a).cross(c - a).dot(self.normal) > 0.0 { NEGATIVE } else { POSITIVE };
+        }
+        if values.iter().any(|&d| d < 0.0) { NEGATIVE } else { POSITIVE }
+    }
 }
 
 fn split_faces(mesh: &mut Mesh, position: &impl Fn(VertexId) -> DVec3, scratch: &mut PlaneCutScratch, outcome: &mut PlaneCutOutcome) {
@@ -193,16 +217,14 @@ fn collect_incident(mesh: &Mesh, scratch: &mut PlaneCutScratch) {
 
 /// Opens edges that lie in the plane between faces of different sides; returns how many. Such faces have two corners on
 /// the plane and are never split, so this goes before the splitting, while every vertex still has one fan.
-fn open_edges_on_plane(mesh: &mut Mesh, scratch: &PlaneCutScratch) -> usize {
-    let value = |v: VertexId| scratch.values[v.index()];
+fn open_edges_on_plane<P: Fn(VertexId) -> DVec3>(mesh: &mut Mesh, incident: &[FaceId], sides: &Sides<P>) -> usize {
     let mut opened = 0;
-    for h in scratch.incident.iter().flat_map(|&f| (0..3).map(move |k| HalfEdge::of(f, k))) {
+    for h in incident.iter().flat_map(|&f| (0..3).map(move |k| HalfEdge::of(f, k))) {
         let back = mesh.opposite(h);
-        if back.is_none() || value(mesh.from(h)) != 0.0 || value(mesh.to(h)) != 0.0 {
+        if back.is_none() || sides.value(mesh.from(h)) != 0.0 || sides.value(mesh.to(h)) != 0.0 {
             continue;
         }
-        let side = |h: HalfEdge| side_of(mesh.face(h.face()).map(value));
-        if side(h) != side(back) {
+        if sides.of(mesh.face(h.face())) != sides.of(mesh.face(back.face())) {
             mesh.open_edge(h);
             opened += 1;
         }

@@ -1,0 +1,409 @@
+//! Takes the inside of a convex body out of a surface: one step of the tear (the paper's Tearing Algorithm, MATHS 5.6).
+//!
+//! Stages: values of the candidate faces' corners, clip each face, insert vertices on edges and in faces, second pass over
+//! neighbours across split edges, retriangulate, replace, split vertices left with several fans. No vertex is moved.
+
+use super::clip::{Carrier, ClippedFace, MAX_PLANES, PlaneValues, Point, point_sign, point_weights};
+use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker};
+use super::region::{Region, RegionPoint};
+use crate::geometry::{FaceId, FaceInfo, HalfEdge, Mesh, NewFace, Plane, SplitVertex, TopologyScratch, VertexId, WedgeId};
+use glam::DVec3;
+
+/// What a plane of the body is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BodySide {
+    /// Joint with the body before.
+    Start,
+    /// Joint with the body after.
+    End,
+    /// Wall to the left of travel.
+    Minus,
+    /// Wall to the right of travel.
+    Plus,
+    /// At the blade's tip.
+    Floor,
+    /// At the blade's base, outside the tissue.
+    Top,
+}
+
+/// A convex body: the meet of the negative sides of its planes, at most [`MAX_PLANES`].
+#[derive(Clone, Copy, Debug)]
+pub struct Body<'a> {
+    /// Planes with outward normals.
+    pub planes: &'a [Plane],
+    /// What each plane is for.
+    pub sides: &'a [BodySide],
+    /// Bounds, padded by rounding.
+    pub min: DVec3,
+    /// Bounds, padded by rounding.
+    pub max: DVec3,
+}
+
+/// A vertex with the planes of a body it lies on by construction, bit `k` for plane `k` (MATHS 5.6: zero by tag).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OnPlanes {
+    /// The vertex.
+    pub vertex: VertexId,
+    /// Planes.
+    pub planes: u16,
+}
+
+/// A vertex on a lip of the slit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LipPoint {
+    /// The vertex.
+    pub vertex: VertexId,
+    /// -1 on the minus wall, +1 on the plus wall.
+    pub side: i8,
+}
+
+/// What one body did to the mesh.
+#[derive(Clone, Debug, Default)]
+pub struct TearStep {
+    /// Vertices inserted, in order of their ids.
+    pub new_vertices: Vec<NewVertex>,
+    /// Vertices on the lips, sorted.
+    pub lips: Vec<LipPoint>,
+    /// Vertices on the end joint, with all planes they lie on: the next body's tags.
+    pub on_end: Vec<OnPlanes>,
+    /// Faces removed or replaced.
+    pub faces_removed: usize,
+    /// Faces put in.
+    pub added_faces: Vec<FaceId>,
+    /// Corners of the removed faces: what the particle layer and the normals must look at again. Sorted.
+    pub touched: Vec<VertexId>,
+    /// Candidate faces looked at.
+    pub faces_visited: usize,
+    /// Points where planes cross edges or pierce faces.
+    pub intersection_points: usize,
+    /// Area taken out, square metres, in the pose of the edit.
+    pub area_removed: f64,
+}
+
+struct Affected {
+    face: FaceId,
+    /// Range in the polygon arena; empty for a face that only has split edges.
+    first: usize,
+    len: usize,
+}
+
+/// Buffers kept between steps.
+#[derive(Default)]
+pub struct TearScratch {
+    slot: Vec<u32>,
+    slotted: Vec<VertexId>,
+    positions: Vec<DVec3>,
+    values: Vec<PlaneValues>,
+    clipped: ClippedFace,
+    affected: Vec<Affected>,
+    points: Vec<(Point, Carrier)>,
+    edge_points: EdgePoints,
+    on_edge: Vec<EdgePoint>,
+    wedges: WedgeMaker,
+    region: Region,
+    locals: Vec<(VertexId, WedgeId)>,
+    removed: Vec<FaceId>,
+    added: Vec<NewFace>,
+    topology: TopologyScratch,
+    split: Vec<SplitVertex>,
+    incident: Vec<FaceId>,
+    zero: Vec<OnPlanes>,
+}
+
+const NO_SLOT: u32 = u32::MAX;
+
+/// Takes the inside of `body` out of `mesh`. `candidates` must hold every face whose bounds meet the body's; `position` gives
+/// final positions of live vertices; `tags` (sorted by vertex) lists vertices that lie on planes of this body by
+/// construction. Fills `out`; returns false, with the mesh untouched, if no face reaches inside.
+pub fn tear_step(
+    mesh: &mut Mesh,
+    body: &Body,
+    candidates: &[FaceId],
+    position: &impl Fn(VertexId) -> DVec3,
+    tags: &[OnPlanes],
+    scratch: &mut TearScratch,
+    out: &mut TearStep,
+) -> bool {
+    *out = TearStep { faces_visited: candidates.len(), ..TearStep::default() };
+    scratch.begin(mesh);
+    scratch.clip_candidates(mesh, body, candidates, position, tags);
+    if scratch.affected.is_empty() {
+        scratch.end();
+        return false;
+    }
+    scratch.insert_on_edges(mesh, out);
+    scratch.second_pass(mesh, body, position, tags);
+    scratch.retriangulate(mesh, body, out);
+    scratch.replace(mesh, out);
+    scratch.end();
+    true
+}
+
+impl TearScratch {
+    fn begin(&mut self, mesh: &Mesh) {
+        if self.slot.len() < mesh.vertex_slots() {
+            self.slot.resize(mesh.vertex_slots(), NO_SLOT);
+        }
+        self.slotted.clear();
+        self.positions.clear();
+        self.values.clear();
+        self.affected.clear();
+        self.points.clear();
+        self.edge_points.clear();
+        self.wedges.clear();
+        self.removed.clear();
+        self.added.clear();
+        self.zero.clear();
+    }
+
+    fn end(&mut self) {
+        for v in &self.slotted {
+            self.slot[v.index()] = NO_SLOT;
+        }
+    }
+
+    /// The vertex's slot with its position and values, made when first asked for.
+    fn slot(&mut self, v: VertexId, body: &Body, position: &impl Fn(VertexId) -> DVec3, tags: &[OnPlanes]) -> usize {
+        let known = self.slot[v.index()];
+        if known != NO_SLOT {
+            return known as usize;
+        }
+        let at = position(v);
+        let slot = self.slotted.len();
+        self.slot[v.index()] = slot as u32;
+        self.slotted.push(v);
+        self.positions.push(at);
+        let tagged = tags.binary_search_by_key(&v, |t| t.vertex).map_or(0, |i| tags[i].planes);
+        let mut values = [-1.0; MAX_PLANES];
+        for (k, plane) in body.planes.iter().enumerate() {
+            values[k] = if tagged >> k & 1 == 1 { 0.0 } else { plane.value(at) };
+        }
+        self.values.push(values);
+        slot
+    }
+
+    fn clip_candidates(&mut self, mesh: &Mesh, body: &Body, candidates: &[FaceId], position: &impl Fn(VertexId) -> DVec3, tags: &[OnPlanes]) {
+        for &face in candidates {
+            let slots = mesh.face(face).map(|v| self.slot(v, body, position, tags));
+            let corners = slots.map(|s| self.positions[s]);
+            let (low, high) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
+            if low.cmpgt(body.max).any() || high.cmplt(body.min).any() {
+                continue;
+            }
+            let values = slots.map(|s| &self.values[s]);
+            if self.clipped.clip(&values, body.planes.len()) {
+                let first = self.points.len();
+                self.points.extend(self.clipped.points.iter().copied().zip(self.clipped.carriers.iter().copied()));
+                self.affected.push(Affected { face, first, len: self.clipped.points.len() });
+            }
+        }
+    }
+
+    /// One vertex for each (edge, plane) crossing.
+    fn insert_on_edges(&mut self, mesh: &mut Mesh, out: &mut TearStep) {
+        for affected in &self.affected {
+            let corners = mesh.face(affected.face);
+            for &(point, _) in &self.points[affected.first..affected.first + affected.len] {
+                let Point::Edge { edge, plane } = point else { continue };
+                let (mut a, mut b) = (corners[edge as usize], corners[(edge as usize + 1) % 3]);
+                if b < a {
+                    std::mem::swap(&mut a, &mut b);
+                }
+                if self.edge_points.find(a, b, plane).is_some() {
+                    continue;
+                }
+                let [slot_a, slot_b] = [a, b].map(|v| self.slot[v.index()] as usize);
+                let [value_a, value_b] = [slot_a, slot_b].map(|s| self.values[s][plane as usize]);
+                let vertex = mesh.add_vertex();
+                self.edge_points.insert((a, value_a), (b, value_b), plane, vertex);
+                let t = super::clip::edge_parameter(value_a, value_b);
+                let parents = [(a, 1.0 - t), (b, t), (VertexId::NONE, 0.0)];
+                let at = self.positions[slot_a].lerp(self.positions[slot_b], t);
+                out.new_vertices.push(NewVertex { vertex, parents, parent_count: 2, position: at });
+            }
+        }
+    }
+
+    /// Faces across a split edge that the body itself does not reach are split too, so that no T-junction is left.
+    fn second_pass(&mut self, mesh: &Mesh, body: &Body, position: &impl Fn(VertexId) -> DVec3, tags: &[OnPlanes]) {
+        self.removed.extend(self.affected.iter().map(|a| a.face));
+        self.removed.sort_unstable();
+        for i in 0..self.affected.len() {
+            for k in 0..3 {
+                let h = HalfEdge::of(self.affected[i].face, k);
+                let back = mesh.opposite(h);
+                if back.is_none() || !self.edge_points.contains(mesh.from(h), mesh.to(h)) {
+                    continue;
+                }
+                if let Err(at) = self.removed.binary_search(&back.face()) {
+                    self.removed.insert(at, back.face());
+                    self.affected.push(Affected { face: back.face(), first: 0, len: 0 });
+                    for v in mesh.face(back.face()) {
+                        self.slot(v, body, position, tags);
+                    }
+                }
+            }
+        }
+    }
+
+    fn retriangulate(&mut self, mesh: &mut Mesh, body: &Body, out: &mut TearStep) {
+        for i in 0..self.affected.len() {
+            let (face, info) = (self.affected[i].face, mesh.face_info(self.affected[i].face));
+            self.build_region(mesh, body, i, out);
+            self.region.triangulate();
+            out.area_removed += self.area_taken();
+            self.emit_faces(info);
+            out.touched.extend(mesh.face(face));
+        }
+    }
+
+    /// The face with the points on its edges, and the polygon to take out.
+    fn build_region(&mut self, mesh: &mut Mesh, body: &Body, i: usize, out: &mut TearStep) {
+        let Affected { face, first, len } = self.affected[i];
+        let corners = mesh.face(face);
+        let wedges = mesh.face_wedges(face);
+        let slots = corners.map(|v| self.slot[v.index()] as usize);
+        let frame = flatten(slots.map(|s| self.positions[s]));
+        self.region.clear();
+        self.locals.clear();
+        let zeros = |values: &PlaneValues| (0..body.planes.len()).filter(|&k| values[k] == 0.0).fold(0u32, |m, k| m | 8 << k);
+        for k in 0..3 {
+            let lines = 1 << k | 1 << ((k + 2) % 3) | zeros(&self.values[slots[k]]);
+            self.region.points.push(RegionPoint { at: frame[k], lines });
+            self.locals.push((corners[k], wedges[k]));
+        }
+        for k in 0..3 {
+            self.region.outer.push(k as u16);
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            self.edge_points.sorted(a, b, &mut self.on_edge);
+            for j in 0..self.on_edge.len() {
+                let p = self.on_edge[j];
+                let t = if a < b { p.t } else { 1.0 - p.t };
+                let at = std::array::from_fn(|d| frame[k][d] + (frame[(k + 1) % 3][d] - frame[k][d]) * t);
+                let wedge = self.wedges.on_edge(mesh, p.vertex, wedges[k], wedges[(k + 1) % 3], t);
+                self.region.outer.push(self.region.points.len() as u16);
+                self.region.points.push(RegionPoint { at, lines: 1 << k | 8 << p.plane });
+                self.locals.push((p.vertex, wedge));
+            }
+        }
+        for j in first..first + len {
+            let (point, carrier) = self.points[j];
+            let local = self.local_of(mesh, face, point, &frame, slots, out);
+            self.region.inner.push(local);
+            self.region.inner_on_face.push(matches!(carrier, Carrier::Face(_)));
+            self.note_planes(body, point, slots, local, out);
+        }
+    }
+
+    /// The region's index of a polygon point; a point inside the face becomes a new vertex.
+    fn local_of(&mut self, mesh: &mut Mesh, face: FaceId, point: Point, frame: &[[f64; 2]; 3], slots: [usize; 3], out: &mut TearStep) -> u16 {
+        let corners = mesh.face(face);
+        match point {
+            Point::Corner(c) => u16::from(c),
+            Point::Edge { edge, plane } => {
+                let vertex = self.edge_points.find(corners[edge as usize], corners[(edge as usize + 1) % 3], plane);
+                let found = self.locals.iter().position(|l| Some(l.0) == vertex);
+                found.expect("a crossing was inserted for every edge point") as u16
+            }
+            Point::Inner { planes } => {
+                let weights = point_weights(point, &slots.map(|s| &self.values[s]));
+                let vertex = mesh.add_vertex();
+                let at = (0..3).map(|k| self.positions[slots[k]] * weights[k]).sum();
+                let parents = std::array::from_fn(|k| (corners[k], weights[k]));
+                out.new_vertices.push(NewVertex { vertex, parents, parent_count: 3, position: at });
+                let wedge = self.wedges.in_face(mesh, vertex, mesh.face_wedges(face), weights);
+                self.locals.push((vertex, wedge));
+                let flat = std::array::from_fn(|d| (0..3).map(|k| frame[k][d] * weights[k]).sum());
+                self.region.points.push(RegionPoint { at: flat, lines: 8 << planes[0] | 8 << planes[1] });
+                (self.region.points.len() - 1) as u16
+            }
+        }
+    }
+
+    /// Notes lips and points on the end joint, by exact signs.
+    fn note_planes(&mut self, body: &Body, point: Point, slots: [usize; 3], local: u16, out: &mut TearStep) {
+        let values = slots.map(|s| &self.values[s]);
+        let planes = (0..body.planes.len()).filter(|&k| point_sign(point, &values, k) == 0).fold(0u16, |m, k| m | 1 << k);
+        if planes == 0 {
+            return;
+        }
+        self.region.points[local as usize].lines |= u32::from(planes) << 3;
+        let vertex = self.locals[local as usize].0;
+        let on = |side: BodySide| (0..body.planes.len()).any(|k| planes >> k & 1 == 1 && body.sides[k] == side);
+        if on(BodySide::Minus) {
+            out.lips.push(LipPoint { vertex, side: -1 });
+        } else if on(BodySide::Plus) {
+            out.lips.push(LipPoint { vertex, side: 1 });
+        }
+        if on(BodySide::End) {
+            self.zero.push(OnPlanes { vertex, planes });
+        }
+    }
+
+    /// Area of the part taken out of the current region, square metres: the frame is isometric.
+    fn area_taken(&self) -> f64 {
+        let polygon = &self.region.inner;
+        let doubled: f64 = (0..polygon.len())
+            .map(|i| {
+                let [p, q] = [polygon[i], polygon[(i + 1) % polygon.len()]].map(|l| self.region.points[l as usize].at);
+                p[0] * q[1] - p[1] * q[0]
+            })
+            .sum();
+        doubled / 2.0
+    }
+
+    fn emit_faces(&mut self, info: FaceInfo) {
+        for t in &self.region.triangles {
+            let at = t.map(|l| self.locals[l as usize]);
+            self.added.push(NewFace { corners: at.map(|l| l.0), wedges: at.map(|l| l.1), info, side: 0 });
+        }
+    }
+
+    fn replace(&mut self, mesh: &mut Mesh, out: &mut TearStep) {
+        out.intersection_points = out.new_vertices.len();
+        out.touched.sort_unstable();
+        out.touched.dedup();
+        self.incident.clear();
+        for &v in &out.touched {
+            self.incident.extend(mesh.fan(v).map(HalfEdge::face));
+        }
+        mesh.replace_faces(&self.removed, &self.added, |_| 0, &mut self.topology);
+        out.faces_removed = self.removed.len();
+        out.added_faces.extend_from_slice(&self.topology.added);
+        self.incident.extend_from_slice(&out.added_faces);
+        self.split.clear();
+        let vertices: Vec<VertexId> = out.touched.iter().copied().chain(out.new_vertices.iter().map(|n| n.vertex)).collect();
+        mesh.split_fans(&vertices, &self.incident, &mut self.topology, &mut self.split);
+        for i in 0..self.split.len() {
+            self.note_split(self.split[i], out);
+        }
+        out.lips.sort_unstable_by_key(|l| (l.vertex, l.side));
+        out.lips.dedup();
+        out.lips.retain(|l| mesh.vertex_is_live(l.vertex));
+        self.zero.sort_unstable_by_key(|z| (z.vertex, z.planes));
+        self.zero.dedup();
+        out.on_end.extend(self.zero.iter().filter(|z| mesh.vertex_is_live(z.vertex)));
+    }
+
+    /// A copy made by a fan split lies where its original lies.
+    fn note_split(&mut self, split: SplitVertex, out: &mut TearStep) {
+        let old = out.new_vertices.iter().find(|n| n.vertex == split.from).map(|n| n.position);
+        let position = old.unwrap_or_else(|| self.positions[self.slot[split.from.index()] as usize]);
+        let parents = [(split.from, 1.0), (VertexId::NONE, 0.0), (VertexId::NONE, 0.0)];
+        out.new_vertices.push(NewVertex { vertex: split.vertex, parents, parent_count: 1, position });
+        let copied: Vec<LipPoint> = out.lips.iter().filter(|l| l.vertex == split.from).map(|l| LipPoint { vertex: split.vertex, ..*l }).collect();
+        out.lips.extend(copied);
+        let copied: Vec<OnPlanes> = self.zero.iter().filter(|z| z.vertex == split.from).map(|z| OnPlanes { vertex: split.vertex, ..*z }).collect();
+        self.zero.extend(copied);
+    }
+}
+
+/// The face laid flat, isometrically: first corner at the origin, first edge along x.
+fn flatten([a, b, c]: [DVec3; 3]) -> [[f64; 2]; 3] {
+    let (ab, ac) = (b - a, c - a);
+    let length = ab.length();
+    if length == 0.0 {
+        return [[0.0; 2], [0.0; 2], [0.0, ac.length()]];
+    }
+    [[0.0; 2], [length, 0.0], [ac.dot(ab) / length, ab.cross(ac).length() / length]]
+}
