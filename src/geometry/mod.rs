@@ -1,16 +1,19 @@
 //! Indices, arrays that can be taken back, and the triangle mesh. Knows nothing of bones, particles or tools.
 
 pub mod csr;
+pub mod extract;
 pub mod fx;
 pub mod hash;
 pub mod ids;
 pub mod mesh;
 pub mod predicates;
+pub mod sections;
 pub mod topology;
 pub mod tracked;
 pub mod validate;
 
 pub use csr::{SlotCsr, SlotCsrDelta, Span};
+pub use extract::Extraction;
 pub use fx::FxHashMap;
 pub use hash::StateHash;
 pub use ids::{FaceId, HalfEdge, ParticleId, SectionId, VertexId, WedgeId};
