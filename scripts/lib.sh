@@ -1,0 +1,147 @@
+# Shared by scripts/run and scripts/test: what a machine needs, and how to get it. Sourced, not run.
+# Works with bash 3.2 and up. Everything it says goes to stderr, so that a command's stdout stays its own.
+#
+# INCISE_NO_INSTALL=1 keeps it from installing anything.
+
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
+readonly root
+
+say() { printf '%s\n' "$*" >&2; }
+
+die() {
+    say "error: $*"
+    exit 1
+}
+
+# Rust: on the PATH or where rustup puts it, and as new as Cargo.toml asks.
+need_rust() {
+    if ! command -v cargo >/dev/null 2>&1; then
+        PATH="${CARGO_HOME:-${HOME:-}/.cargo}/bin:$PATH"
+        export PATH
+    fi
+    command -v cargo >/dev/null 2>&1 || die "cargo was not found: install Rust from https://rustup.rs and run this again."
+    local wanted found
+    wanted=$(sed -n 's/^rust-version *= *"\([0-9.]*\)".*/\1/p' "$root/Cargo.toml")
+    found=$(cd "$root" && rustc --version) || die "rustc does not run: 'rustup default stable' sets a toolchain up."
+    found=${found#rustc }
+    found=${found%% *}
+    version_is_at_least "$found" "$wanted" ||
+        die "Rust $wanted or newer is needed and this is $found: 'rustup update stable' brings it up to date."
+}
+
+# version_is_at_least 1.95.0-nightly 1.92
+version_is_at_least() {
+    local have=${1%%-*} want=$2 major minor
+    major=${have%%.*}
+    minor=${have#*.}
+    minor=${minor%%.*}
+    local want_minor=${want#*.}
+    [ "$major" -gt "${want%%.*}" ] || { [ "$major" -eq "${want%%.*}" ] && [ "$minor" -ge "${want_minor%%.*}" ]; }
+}
+
+# need_component cargo-subcommand rustup-component
+need_component() {
+    if (cd "$root" && cargo "$1" --version) >/dev/null 2>&1; then return; fi
+    if command -v rustup >/dev/null 2>&1 && [ -z "${INCISE_NO_INSTALL:-}" ]; then
+        say "Adding Rust's $2."
+        if (cd "$root" && rustup component add "$2") >&2; then return; fi
+    fi
+    die "'cargo $1' was not found: 'rustup component add $2' brings it."
+}
+
+# The linker that rustc calls.
+has_compiler() { command -v cc >/dev/null 2>&1; }
+
+# Where the system looks for Vulkan. Only Linux: elsewhere wgpu has Metal or Direct3D.
+wants_vulkan() { [ "$(uname -s)" = Linux ]; }
+
+has_vulkan_loader() {
+    local cache file
+    cache=$(PATH="$PATH:/usr/sbin:/sbin" ldconfig -p 2>/dev/null || true)
+    case $cache in *libvulkan.so.1*) return 0 ;; esac
+    local IFS=:
+    for file in ${LD_LIBRARY_PATH:-}; do
+        [ -e "$file/libvulkan.so.1" ] && return 0
+    done
+    return 1
+}
+
+# A driver's manifest: where VK_DRIVER_FILES says, or in the loader's own folders.
+has_vulkan_driver() {
+    local chosen=${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}
+    if [ -n "$chosen" ]; then
+        has_manifest "$chosen"
+        return
+    fi
+    [ -n "${VK_ADD_DRIVER_FILES:-}" ] && has_manifest "$VK_ADD_DRIVER_FILES" && return
+    local dirs="${XDG_CONFIG_HOME:-${HOME:-}/.config}:${XDG_CONFIG_DIRS:-/etc/xdg}:/usr/local/etc:/etc"
+    dirs="$dirs:${XDG_DATA_HOME:-${HOME:-}/.local/share}:${XDG_DATA_DIRS:-/usr/local/share:/usr/share}"
+    local IFS=: dir
+    for dir in $dirs; do
+        has_manifest "$dir/vulkan/icd.d" && return
+    done
+    return 1
+}
+
+# has_manifest LIST: files or folders between colons, of which one is, or holds, a manifest.
+has_manifest() {
+    local IFS=: entry file
+    for entry in $1; do
+        [ -f "$entry" ] && return 0
+        for file in "$entry"/*.json; do
+            [ -f "$file" ] && return 0
+        done
+    done
+    return 1
+}
+
+missing_packages() {
+    has_compiler || printf '%s\n' gcc libc6-dev
+    if [ "${1:-}" = vulkan ] && wants_vulkan; then
+        has_vulkan_loader || printf '%s\n' libvulkan1
+        if [ -z "${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}" ]; then
+            has_vulkan_driver || printf '%s\n' mesa-vulkan-drivers
+        fi
+    fi
+}
+
+# need_system [vulkan]: installs what is missing where it can. Returns 1, with a sentence, if something is still missing.
+need_system() {
+    if wants_vulkan && [ "${1:-}" = vulkan ] && [ -n "${VK_DRIVER_FILES:-${VK_ICD_FILENAMES:-}}" ] && ! has_vulkan_driver; then
+        say "VK_DRIVER_FILES (or VK_ICD_FILENAMES) names no file that exists, and the Vulkan loader looks nowhere else: unset it."
+        return 1
+    fi
+    local missing
+    missing=$(missing_packages "${1:-}" | tr '\n' ' ')
+    missing=${missing% }
+    [ -z "$missing" ] && return 0
+    if can_install; then
+        say "Installing $missing."
+        # shellcheck disable=SC2086  # a list of words
+        install $missing || say "The installation failed."
+        hash -r
+        missing=$(missing_packages "${1:-}" | tr '\n' ' ')
+        missing=${missing% }
+        [ -z "$missing" ] && return 0
+    fi
+    say "These packages are missing (names as in Debian and Ubuntu): $missing"
+    if command -v apt-get >/dev/null 2>&1; then
+        say "Install them with: sudo apt-get install $missing"
+    fi
+    return 1
+}
+
+can_install() {
+    [ -z "${INCISE_NO_INSTALL:-}" ] && command -v apt-get >/dev/null 2>&1 || return 1
+    [ "$(id -u)" -eq 0 ] || { command -v sudo >/dev/null 2>&1 && sudo -n true 2>/dev/null; }
+}
+
+install() {
+    local get="env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300"
+    [ "$(id -u)" -eq 0 ] || get="sudo -n $get"
+    # shellcheck disable=SC2086  # a command of several words
+    {
+        $get update </dev/null >&2 || say "apt-get update failed; trying with the lists at hand."
+        $get install -y --no-install-recommends "$@" </dev/null >&2
+    }
+}
