@@ -1,1 +1,72 @@
-//! Counters and timings.
+//! Counters and timings. The core has no clock of its own: it hands stages to a [`Stages`], which alone looks at one.
+
+use std::time::Instant;
+
+/// Milliseconds by stage name, in the order the stages first ran.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Stages {
+    rows: Vec<(&'static str, f64)>,
+}
+
+impl Stages {
+    /// Runs `work` and adds its time to `stage`.
+    pub fn time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
+        let start = Instant::now();
+        let result = work();
+        self.add(stage, start.elapsed().as_secs_f64() * 1e3);
+        result
+    }
+
+    /// Adds milliseconds to a stage.
+    pub fn add(&mut self, stage: &'static str, ms: f64) {
+        match self.rows.iter_mut().find(|r| r.0 == stage) {
+            Some(row) => row.1 += ms,
+            None => self.rows.push((stage, ms)),
+        }
+    }
+
+    /// Adds every stage of `other`.
+    pub fn merge(&mut self, other: &Stages) {
+        for &(stage, ms) in &other.rows {
+            self.add(stage, ms);
+        }
+    }
+
+    /// Milliseconds of one stage; 0 if it never ran.
+    pub fn get(&self, stage: &str) -> f64 {
+        self.rows.iter().find(|r| r.0 == stage).map_or(0.0, |r| r.1)
+    }
+
+    /// All stages with their milliseconds.
+    pub fn rows(&self) -> &[(&'static str, f64)] {
+        &self.rows
+    }
+
+    /// Sum of all stages, milliseconds.
+    pub fn total(&self) -> f64 {
+        self.rows.iter().map(|r| r.1).sum()
+    }
+
+    /// Forgets all stages but keeps the buffer.
+    pub fn clear(&mut self) {
+        self.rows.clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_add_up() {
+        let mut stages = Stages::default();
+        stages.add("clip", 1.0);
+        stages.add("bind", 2.0);
+        stages.add("clip", 0.5);
+        let mut sum = Stages::default();
+        sum.merge(&stages);
+        sum.merge(&stages);
+        assert_eq!((sum.get("clip"), sum.get("none"), sum.total()), (3.0, 0.0, 7.0));
+        assert_eq!(stages.time("work", || 7), 7);
+    }
+}

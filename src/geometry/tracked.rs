@@ -165,6 +165,11 @@ impl<T> Delta<T> {
         ranges
     }
 
+    /// Bytes of the entries that differ, each counted once.
+    pub fn dirty_bytes(&self) -> usize {
+        self.dirty_ranges(0).iter().map(|r| r.len()).sum::<usize>() * std::mem::size_of::<T>()
+    }
+
     /// Heap bytes that the delta holds.
     pub fn heap_bytes(&self) -> usize {
         self.writes.len() * std::mem::size_of::<(u32, T)>() + self.tail.len() * std::mem::size_of::<T>()

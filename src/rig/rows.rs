@@ -108,6 +108,35 @@ impl VertexRows {
         vertex
     }
 
+    /// Checks every row: sorted base parents, weights that sum to 1 to 1e-12, bones with weights that sum to 1 to 1e-4.
+    pub fn validate(&self) -> Result<(), String> {
+        if self.rows.rows() != self.len() || self.bones.rows() != self.len() {
+            return Err("rows, bones and rest positions differ in length".into());
+        }
+        for v in 0..self.len() {
+            let (row, bones) = (self.rows.row(v), self.bones.row(v));
+            if row.windows(2).any(|w| w[0].base >= w[1].base) {
+                return Err(format!("the row of vertex {v} is not sorted"));
+            }
+            if row.iter().any(|e| e.base.index() >= self.len() || !self.is_base(e.base)) {
+                return Err(format!("vertex {v} leans on a vertex that is no base vertex"));
+            }
+            if !row.is_empty() && (row.iter().map(|e| e.weight).sum::<f64>() - 1.0).abs() > 1e-12 {
+                return Err(format!("the weights of vertex {v} do not sum to 1"));
+            }
+            if !bones.is_empty() && (bones.iter().map(|b| f64::from(b.weight)).sum::<f64>() - 1.0).abs() > 1e-4 {
+                return Err(format!("the bone weights of vertex {v} do not sum to 1"));
+            }
+            if !row.is_empty() && !bones.is_empty() {
+                return Err(format!("embedded vertex {v} has bones"));
+            }
+            if self.rest_position[v].iter().any(|x| !x.is_finite()) {
+                return Err(format!("the rest position of vertex {v} is not finite"));
+            }
+        }
+        Ok(())
+    }
+
     /// Everything changed since the last call.
     pub fn take_delta(&mut self) -> VertexRowsDelta {
         VertexRowsDelta {
@@ -143,4 +172,43 @@ fn merge(row: &mut Vec<RowEntry>, base: VertexId, weight: f64) {
 
 pub(crate) fn widen(p: [f32; 3]) -> glam::DVec3 {
     glam::Vec3::from_array(p).as_dvec3()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn triangle() -> VertexRows {
+        VertexRows::from_base(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], SlotCsr::with_rows(3))
+    }
+
+    #[test]
+    fn rows_of_rows_lean_on_base_vertices() {
+        let mut rows = triangle();
+        let middle = rows.push_embedded(&[(VertexId(0), 0.5), (VertexId(1), 0.5)]);
+        let inner = rows.push_embedded(&[(middle, 0.5), (VertexId(2), 0.5)]);
+        assert_eq!(rows.rest(inner), glam::DVec3::new(0.25, 0.5, 0.0));
+        assert_eq!(rows.rows.row(inner.index()).len(), 3);
+        assert_eq!(rows.validate(), Ok(()));
+    }
+
+    #[test]
+    fn each_broken_rule_is_found() {
+        let entry = |base, weight| RowEntry { base: VertexId(base), padding: 0, weight };
+        let broken = |row: &[RowEntry]| {
+            let mut rows = triangle();
+            rows.push_embedded(&[(VertexId(0), 0.5), (VertexId(1), 0.5)]);
+            rows.rows.set_row(3, row);
+            rows.validate().unwrap_err()
+        };
+        assert!(broken(&[entry(1, 0.5), entry(0, 0.5)]).contains("sorted"));
+        assert!(broken(&[entry(0, 0.5), entry(3, 0.5)]).contains("no base vertex"));
+        assert!(broken(&[entry(0, 0.5), entry(1, 0.6)]).contains("sum to 1"));
+        let mut rows = triangle();
+        rows.rest_position.set(1, [f32::NAN; 3]);
+        assert!(rows.validate().unwrap_err().contains("finite"));
+        let mut rows = triangle();
+        rows.bones.set_row(0, &[BoneWeight { joint: 0, weight: 0.5 }]);
+        assert!(rows.validate().unwrap_err().contains("bone weights"));
+    }
 }

@@ -1,0 +1,104 @@
+//! The application: a scene, a clock, and one frame that reads as a list of stages. Knows no window, headset or file.
+
+use crate::diagnostics::Stages;
+use crate::input::{InputFrame, Layer};
+use crate::scene::{EditReport, Scene, TissueId};
+use crate::tissue::TissueDelta;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+/// What a frame cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameCounters {
+    /// Compute dispatches.
+    pub dispatches: u64,
+    /// Draw calls.
+    pub draws: u64,
+    /// Bytes sent to the GPU.
+    pub bytes_uploaded: u64,
+    /// Faces that edits looked at.
+    pub faces_visited: u64,
+    /// Particles that the solver moved.
+    pub particles_awake: u64,
+    /// Heap allocations between the frame's start and the hand-over to the target.
+    pub allocations: u64,
+}
+
+/// What a frame did.
+#[derive(Clone, Debug, Default)]
+pub struct FrameReport {
+    /// Seconds on the scene's clock.
+    pub time_s: f64,
+    /// Milliseconds: tools, edit, pose, physics, upload, deform, draw.
+    pub stages: Stages,
+    /// Counts.
+    pub counters: FrameCounters,
+    /// Edits that were completed in this frame.
+    pub edits: Vec<EditReport>,
+}
+
+/// What a target may look at while it presents a frame.
+pub struct FrameView<'a> {
+    /// The scene, read only.
+    pub scene: &'a Scene,
+    /// Edits since the last frame, undone and redone ones too.
+    pub changes: &'a [(TissueId, Arc<TissueDelta>)],
+    /// Inspection layers that are on.
+    pub layers: &'a BTreeSet<Layer>,
+    /// Seconds on the scene's clock.
+    pub time_s: f64,
+}
+
+/// Where a frame goes: a picture, a window, a headset. Uploads, deforms and draws, and says what it cost.
+pub trait FrameTarget {
+    /// Why a frame could not be presented.
+    type Error;
+
+    /// Presents one frame: stages `upload`, `deform`, `draw`; dispatches, draws and bytes into `counters`.
+    fn present(&mut self, view: &FrameView, stages: &mut Stages, counters: &mut FrameCounters) -> Result<(), Self::Error>;
+}
+
+/// The scene and its clock.
+pub struct App {
+    /// What is torn and cut.
+    pub scene: Scene,
+    layers: BTreeSet<Layer>,
+    speed: f64,
+    allocations: fn() -> u64,
+}
+
+impl App {
+    /// An application over `scene`, whose animation plays at `speed`. `allocations` counts heap allocations so far, where the
+    /// program has a counting allocator (else a function that returns 0).
+    pub fn new(mut scene: Scene, speed: f64, allocations: fn() -> u64) -> Self {
+        scene.watch_changes();
+        Self { scene, layers: BTreeSet::new(), speed, allocations }
+    }
+
+    /// One frame: tools -> edits -> pose -> physics -> target (upload, deform, draw). Edits finish before the simulation step.
+    pub fn frame<T: FrameTarget>(&mut self, input: &InputFrame, target: &mut T) -> Result<FrameReport, T::Error> {
+        let mut report = FrameReport { time_s: input.time_s, ..FrameReport::default() };
+        let allocated = (self.allocations)();
+        let FrameReport { stages, counters, edits, .. } = &mut report;
+        let commands = stages.time("tools", || {
+            for &(layer, on) in &input.show {
+                if on { self.layers.insert(layer) } else { self.layers.remove(&layer) };
+            }
+            &input.commands
+        });
+        stages.time("edit", || {
+            for command in commands {
+                edits.extend(self.scene.edit(command.clone()));
+            }
+        });
+        stages.time("pose", || self.scene.pose(input.time_s, input.time_s * self.speed));
+        stages.time("physics", || self.scene.step(input.step_s));
+        counters.faces_visited = edits.iter().map(|e| e.faces_visited as u64).sum();
+        counters.particles_awake = self.scene.tissues().filter_map(|(_, t)| t.layer()).map(|l| l.network.awake_count() as u64).sum();
+        let changes = self.scene.take_changes();
+        counters.allocations = (self.allocations)() - allocated;
+        let view = FrameView { scene: &self.scene, changes: &changes, layers: &self.layers, time_s: input.time_s };
+        target.present(&view, stages, counters)?;
+        Ok(report)
+    }
+}

@@ -1,0 +1,138 @@
+//! Arguments and steps that sub-commands share.
+
+use super::CliError;
+use crate::config::Config;
+use crate::formats::{self, Model};
+use crate::particles::ParticleSettings;
+use crate::rig::Rig;
+use crate::scene::{Scene, SceneSettings};
+use crate::tissue::{Tissue, TissueSettings};
+use clap::Args;
+use glam::DVec3;
+use std::io::Write;
+use std::path::Path;
+
+/// POSE of CONTRACT.
+#[derive(Args, Clone, Debug, Default)]
+pub struct PoseArgs {
+    /// Animation that poses the model (default: the rest pose).
+    #[arg(long, value_name = "NAME")]
+    pub animation: Option<String>,
+    /// Time in the animation, seconds.
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
+    pub time: f64,
+}
+
+/// PARTICLES of CONTRACT.
+#[derive(Args, Clone, Debug, Default)]
+pub struct ParticleArgs {
+    /// Least distance of particles, metres (default: about 200 particles).
+    #[arg(long, value_name = "METRES")]
+    pub spacing: Option<f64>,
+    /// Radius of a particle's influence, metres, above the spacing.
+    #[arg(long, value_name = "METRES")]
+    pub radius: Option<f64>,
+    /// Distance up to which particles are joined by springs, metres.
+    #[arg(long, value_name = "METRES")]
+    pub neighbours: Option<f64>,
+    /// Seed of the sampling.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+impl ParticleArgs {
+    /// Settings for a model: its defaults, with what was given.
+    pub fn settings(&self, model: &Model) -> Result<ParticleSettings, CliError> {
+        let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(crate::geometry::VertexId::new(v))).collect();
+        let mut settings = match self.spacing {
+            Some(spacing) => ParticleSettings::with_spacing(spacing),
+            None => ParticleSettings::for_model(&model.mesh, &rest),
+        };
+        settings.radius = self.radius.unwrap_or(settings.radius);
+        settings.neighbours = self.neighbours.unwrap_or(settings.neighbours);
+        settings.seed = self.seed;
+        settings.validate().map_err(CliError::input)?;
+        Ok(settings)
+    }
+}
+
+/// Loads a model and passes its warnings on.
+pub fn load(spec: &str) -> Result<Model, CliError> {
+    let model = formats::load(spec).map_err(CliError::input)?;
+    for warning in &model.report.warnings {
+        tracing::warn!("{spec}: {warning}");
+    }
+    Ok(model)
+}
+
+/// Index of the animation that was asked for.
+pub fn find_animation(rig: &Rig, pose: &PoseArgs) -> Result<Option<usize>, CliError> {
+    if !pose.time.is_finite() {
+        return Err(CliError::Input(format!("--time {}: give a finite number of seconds", pose.time)));
+    }
+    let Some(name) = &pose.animation else { return Ok(None) };
+    rig.animation_by_name(name).map(Some).ok_or_else(|| {
+        let names: Vec<&str> = rig.animations.iter().map(|a| a.name.as_str()).collect();
+        let known = if names.is_empty() { "the model has none".to_string() } else { format!("it has: {}", names.join(", ")) };
+        CliError::Input(format!("no animation {name:?}; {known}"))
+    })
+}
+
+/// How the scene's tissue is made.
+pub fn tissue_settings(config: &Config, particles: Option<ParticleSettings>) -> TissueSettings {
+    TissueSettings {
+        particles,
+        network: config.network_settings(),
+        section_faces: config.sections.faces,
+        fade_s: config.tear.fade_time,
+    }
+}
+
+/// A scene with the model in the given pose.
+pub fn posed_scene(
+    model: Model,
+    pose: &PoseArgs,
+    particles: Option<ParticleSettings>,
+    config: &Config,
+) -> Result<Scene, CliError> {
+    let animation = find_animation(&model.rig, pose)?;
+    let tissue = Tissue::new(model, &tissue_settings(config, particles)).map_err(CliError::input)?;
+    let settings = SceneSettings { tear_width: config.tear.width, sampling: config.sampling, sample_distance: None };
+    let mut scene = Scene::new(tissue, settings);
+    scene.set_animation(animation);
+    scene.pose(0.0, pose.time);
+    Ok(scene)
+}
+
+/// The output format.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// Binary glTF: skin, animations, materials.
+    #[default]
+    Glb,
+    /// Wavefront OBJ, in the given pose.
+    Obj,
+}
+
+/// Writes a file, with its folder if that is missing.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), CliError> {
+    if let Some(folder) = path.parent().filter(|f| !f.as_os_str().is_empty()) {
+        make_folder(folder)?;
+    }
+    std::fs::write(path, bytes).map_err(|e| CliError::Run(format!("cannot write {}: {e}", path.display())))
+}
+
+/// Makes a folder and those above it.
+pub fn make_folder(folder: &Path) -> Result<(), CliError> {
+    std::fs::create_dir_all(folder).map_err(|e| CliError::Run(format!("cannot make the folder {}: {e}", folder.display())))
+}
+
+/// Prints one line on stdout; a closed pipe is no error.
+pub fn print_line(text: &str) {
+    let _ = writeln!(std::io::stdout(), "{text}");
+}
+
+/// Prints one JSON object on stdout.
+pub fn print_json(value: &serde_json::Value) {
+    print_line(&format!("{value:#}"));
+}

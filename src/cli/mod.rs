@@ -1,0 +1,100 @@
+//! The command line: one file a sub-command. Results on stdout, everything else on stderr; exit 2 for bad usage or input,
+//! 1 for a failed run.
+
+mod common;
+mod cut;
+mod generate;
+#[cfg(feature = "gpu")]
+mod headless;
+mod inspect;
+mod particles;
+mod report_json;
+mod tear;
+
+use clap::{Parser, Subcommand};
+
+/// Real-time tearing and cutting of soft, rigged, animated models.
+#[derive(Parser)]
+#[command(version, about, after_help = "Without a sub-command: the headless demo, pictures in out/.")]
+struct Arguments {
+    /// More words on stderr; twice for all of them.
+    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    verbose: u8,
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Says what a model holds.
+    Inspect(inspect::Inspect),
+    /// Cuts a model along a plane and writes the pieces.
+    Cut(cut::Cut),
+    /// Tears a model along a blade path and writes the result.
+    Tear(tear::Tear),
+    /// Samples the soft layer's particles and says how good they are.
+    Particles(particles::Particles),
+    /// Writes a bundled model.
+    Generate(generate::Generate),
+    /// Renders a scripted scene to pictures, without a window.
+    #[cfg(feature = "gpu")]
+    Headless(headless::Headless),
+}
+
+/// Why a command failed, and with which exit code.
+#[derive(Debug)]
+pub enum CliError {
+    /// Bad usage or input: exit code 2.
+    Input(String),
+    /// A failed run: exit code 1.
+    Run(String),
+}
+
+impl CliError {
+    fn input(error: impl std::fmt::Display) -> Self {
+        Self::Input(error.to_string())
+    }
+
+    fn run(error: impl std::fmt::Display) -> Self {
+        Self::Run(error.to_string())
+    }
+}
+
+/// Runs the command line of this process; returns its exit code. `allocations` counts heap allocations so far.
+pub fn main(allocations: fn() -> u64) -> u8 {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => {
+            let _ = error.print(); // nothing is left to tell a reader who is gone
+            return if error.use_stderr() { 2 } else { 0 };
+        }
+    };
+    let level = [tracing::Level::WARN, tracing::Level::INFO, tracing::Level::DEBUG][usize::from(arguments.verbose.min(2))];
+    tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).without_time().with_target(false).init();
+    let result = match arguments.command {
+        Some(Command::Inspect(command)) => command.run(),
+        Some(Command::Cut(command)) => command.run(),
+        Some(Command::Tear(command)) => command.run(),
+        Some(Command::Particles(command)) => command.run(),
+        Some(Command::Generate(command)) => command.run(),
+        #[cfg(feature = "gpu")]
+        Some(Command::Headless(command)) => command.run(allocations),
+        #[cfg(feature = "gpu")]
+        None => headless::Headless::demo().run(allocations),
+        #[cfg(not(feature = "gpu"))]
+        None => {
+            let _ = allocations;
+            Err(CliError::Input("this build draws no pictures; give a sub-command (see --help), or build with the feature `gpu`".into()))
+        }
+    };
+    match result {
+        Ok(()) => 0,
+        Err(CliError::Input(message)) => complain(&message, 2),
+        Err(CliError::Run(message)) => complain(&message, 1),
+    }
+}
+
+fn complain(message: &str, code: u8) -> u8 {
+    eprintln!("incise: {message}");
+    code
+}

@@ -1,0 +1,65 @@
+//! Edit reports as the JSON of CONTRACT.
+
+use crate::diagnostics::Stages;
+use crate::scene::{EditReport, PieceReport};
+use serde_json::{Map, Value, json};
+
+/// Milliseconds by stage, and their total.
+pub fn stages(stages: &Stages) -> Value {
+    let mut map: Map<String, Value> = stages.rows().iter().map(|&(name, ms)| (name.to_string(), json!(ms))).collect();
+    map.insert("total".into(), json!(stages.total()));
+    Value::Object(map)
+}
+
+fn piece(piece: &PieceReport) -> Value {
+    let side = match piece.side {
+        1 => json!("positive"),
+        -1 => json!("negative"),
+        _ => Value::Null,
+    };
+    json!({
+        "faces": piece.faces,
+        "area": piece.area,
+        "volume": piece.volume,
+        "closed": piece.closed,
+        "boundary_edges": piece.boundary_edges,
+        "non_manifold_edges": piece.non_manifold_edges,
+        "degenerate_faces": piece.degenerate_faces,
+        "side": side,
+    })
+}
+
+/// An edit, all keys.
+pub fn edit(report: &EditReport) -> Value {
+    let segment = |s: &crate::tissue::stroke::SegmentReport| {
+        let rows = ["perform_tear", "update_particles", "disconnect_particles", "bind", "update_mesh"];
+        let mut map: Map<String, Value> = rows.iter().map(|&row| (row.to_string(), json!(s.stages.get(row)))).collect();
+        map.insert("total".into(), json!(s.stages.total()));
+        Value::Object(map)
+    };
+    let mut value = json!({
+        "kind": report.kind,
+        "outcome": report.outcome.as_str(),
+        "vertices": report.vertices,
+        "faces": report.faces,
+        "pieces": report.pieces.iter().map(piece).collect::<Vec<_>>(),
+        "new_vertices": report.new_vertices,
+        "promoted_vertices": report.promoted_vertices,
+        "intersection_points": report.intersection_points,
+        "area_before": report.area_before,
+        "volume_before": report.volume_before,
+        "max_row_entries": report.max_row_entries,
+        "faces_visited": report.faces_visited,
+        "bytes_uploaded": report.bytes_uploaded,
+        "time_ms": stages(&report.stages),
+    });
+    match report.kind {
+        "cut" => value["max_plane_distance"] = json!(report.max_plane_distance),
+        "tear" => {
+            value["area_removed"] = json!(report.area_removed);
+            value["segments"] = Value::Array(report.segments.iter().map(segment).collect());
+        }
+        _ => {}
+    }
+    value
+}

@@ -1,0 +1,135 @@
+//! `incise tear`.
+
+use super::CliError;
+use super::common::{Format, ParticleArgs, PoseArgs, load, posed_scene, print_json, print_line, write_file};
+use super::report_json;
+use crate::config::Config;
+use crate::formats::{ExportPiece, export_glb, export_obj};
+use crate::particles::map_json::MapFile;
+use crate::scene::{EditCommand, Scene};
+use crate::surgery::{BladePath, write_boxes};
+use clap::Args;
+use std::path::PathBuf;
+
+/// How the slit's sides end.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum Wall {
+    /// The surface is clipped and stays open.
+    #[default]
+    Open,
+    /// Walls and a floor line the slit. Not built yet.
+    Closed,
+}
+
+/// Arguments.
+#[derive(Args)]
+pub struct Tear {
+    /// A .glb, .gltf, .obj or .stl file, or a bundled name.
+    model: String,
+    /// JSON file with the blade's poses.
+    #[arg(long, value_name = "PATH.json")]
+    path: PathBuf,
+    /// Width of the slit, metres, above 0.
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
+    width: f64,
+    /// Wall mode.
+    #[arg(long, value_enum, default_value_t)]
+    wall: Wall,
+    #[command(flatten)]
+    pose: PoseArgs,
+    #[command(flatten)]
+    particles: ParticleArgs,
+    /// Leave the soft layer out.
+    #[arg(long)]
+    no_particles: bool,
+    /// The file to write.
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Its format.
+    #[arg(long, value_enum, default_value_t)]
+    format: Format,
+    /// Write the tear's boxes, as OBJ.
+    #[arg(long, value_name = "FILE.obj")]
+    boxes: Option<PathBuf>,
+    /// Write the particle map after the tear, as JSON.
+    #[arg(long, value_name = "FILE.json")]
+    map_out: Option<PathBuf>,
+    /// Print one JSON object.
+    #[arg(long)]
+    json: bool,
+}
+
+impl Tear {
+    pub fn run(self) -> Result<(), CliError> {
+        if !(self.width.is_finite() && self.width > 0.0) {
+            return Err(CliError::Input(format!("--width {}: give a width above 0, in metres", self.width)));
+        }
+        if self.wall == Wall::Closed {
+            return Err(CliError::Input("--wall closed: walls and floors are not built yet; use --wall open".into()));
+        }
+        if self.no_particles && self.map_out.is_some() {
+            return Err(CliError::Input("--map-out needs particles; leave --no-particles out".into()));
+        }
+        let path = BladePath::load(&self.path).map_err(CliError::input)?;
+        let model = load(&self.model)?;
+        let particles = if self.no_particles { None } else { Some(self.particles.settings(&model)?) };
+        let mut scene = posed_scene(model, &self.pose, particles, &Config::default())?;
+        scene.edit(EditCommand::StrokeBegin { width: self.width });
+        for pose in path.poses() {
+            scene.edit(EditCommand::StrokePose(*pose));
+        }
+        let report = scene.edit(EditCommand::StrokeEnd).unwrap_or_default();
+        let deviation = self.write(&scene)?;
+        if let Some(file) = &self.boxes {
+            let mut bytes = Vec::new();
+            write_boxes(&mut bytes, scene.last_tear_boxes()).map_err(CliError::run)?;
+            write_file(file, &bytes)?;
+        }
+        self.write_map(&scene)?;
+        if self.json {
+            let mut value = report_json::edit(&report);
+            value["export_deviation"] = serde_json::json!(deviation);
+            print_json(&value);
+            return Ok(());
+        }
+        print_line(&format!(
+            "{}: {} segment(s), {} new vertices, {:.6e} m2 taken out, {} piece(s) in {}",
+            report.outcome.as_str(),
+            report.segments.len(),
+            report.new_vertices,
+            report.area_removed,
+            report.pieces.len(),
+            self.out.display()
+        ));
+        Ok(())
+    }
+
+    fn write(&self, scene: &Scene) -> Result<f64, CliError> {
+        let names: Vec<String> = scene.tissues().map(|(id, t)| if id.0 == 0 { t.name.clone() } else { format!("{}-{}", t.name, id.0) }).collect();
+        let parts: Vec<ExportPiece> = scene
+            .tissues()
+            .zip(&names)
+            .map(|((_, t), name)| ExportPiece { name, mesh: t.mesh(), rows: t.rows(), materials: t.materials() })
+            .collect();
+        let Some((_, first)) = scene.tissues().next() else { return Ok(0.0) };
+        match self.format {
+            Format::Glb => {
+                let (bytes, exported) = export_glb(first.rig(), &parts, first.pose()).map_err(CliError::run)?;
+                write_file(&self.out, &bytes)?;
+                Ok(exported.deviation)
+            }
+            Format::Obj => {
+                write_file(&self.out, export_obj(&parts, first.offset(), first.pose()).as_bytes())?;
+                Ok(0.0)
+            }
+        }
+    }
+
+    /// The map of what is left of the model; severed pieces have maps of their own and are left out.
+    fn write_map(&self, scene: &Scene) -> Result<(), CliError> {
+        let (Some(file), Some((_, tissue))) = (&self.map_out, scene.tissues().next()) else { return Ok(()) };
+        let Some(layer) = tissue.layer() else { return Ok(()) };
+        let map = MapFile::new(tissue.mesh(), tissue.rest_positions(), &layer.map, &layer.strips, tissue.offset());
+        write_file(file, &serde_json::to_vec(&map).map_err(CliError::run)?)
+    }
+}

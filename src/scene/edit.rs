@@ -1,0 +1,344 @@
+//! Edits of the scene: strokes and cuts over every tissue, pieces that come off, one unit of history each.
+
+use super::history::{Change, Unit};
+use super::report::{EditReport, Outcome, PieceReport};
+use super::{Scene, TissueId};
+use crate::geometry::{FaceId, Plane};
+use crate::surgery::BladePose;
+use crate::tissue::stroke::TearStroke;
+use crate::tissue::{Tissue, TissueDelta};
+use glam::DVec3;
+use std::sync::Arc;
+
+/// A user's wish. Positions in model space, metres.
+#[derive(Clone, Debug)]
+pub enum EditCommand {
+    /// Takes up the scalpel: a tear of `width` metres begins.
+    StrokeBegin {
+        /// Metres, above 0.
+        width: f64,
+    },
+    /// The scalpel is here.
+    StrokePose(BladePose),
+    /// The scalpel is lifted: the stroke is one unit of undo.
+    StrokeEnd,
+    /// Cuts everything along a plane.
+    Cut(Plane),
+    /// Takes back the newest unit.
+    Undo,
+    /// Does it again.
+    Redo,
+    /// Takes back everything.
+    Reset,
+    /// Takes hold of the particles within `radius` of `center`.
+    GrabBegin {
+        /// Names the grab until it ends.
+        id: u32,
+        /// Model space.
+        center: DVec3,
+        /// Metres.
+        radius: f64,
+    },
+    /// Moves a grab by this much from where it began.
+    GrabMove {
+        /// Which grab.
+        id: u32,
+        /// Metres.
+        by: DVec3,
+    },
+    /// Lets go.
+    GrabEnd {
+        /// Which grab.
+        id: u32,
+    },
+}
+
+/// A tissue before a stroke: for its report, and to tell new components from old ones.
+pub(super) struct Before {
+    area: f64,
+    volume: f64,
+    component_of_origin: Vec<u32>,
+    components: usize,
+}
+
+/// A stroke in progress through one tissue, with what it has changed so far.
+pub(super) struct StrokeOf {
+    id: TissueId,
+    stroke: TearStroke,
+    before: Before,
+    deltas: Vec<Arc<TissueDelta>>,
+}
+
+/// Closes the tissue's open notes into `deltas`, and tells those who keep a mirror.
+fn note_delta(changes: &mut Option<Vec<(TissueId, Arc<TissueDelta>)>>, id: TissueId, tissue: &mut Tissue, deltas: &mut Vec<Arc<TissueDelta>>) {
+    let delta = tissue.take_delta();
+    if !delta.is_empty() {
+        let delta = Arc::new(delta);
+        if let Some(changes) = changes {
+            changes.push((id, delta.clone()));
+        }
+        deltas.push(delta);
+    }
+}
+
+impl Scene {
+    /// Carries out a command. Returns a report when an edit is complete: at the end of a stroke, after a cut, undo, redo or
+    /// reset.
+    pub fn edit(&mut self, command: EditCommand) -> Option<EditReport> {
+        match command {
+            EditCommand::StrokeBegin { width } => self.begin_stroke(width),
+            EditCommand::StrokePose(pose) => self.stroke_pose(pose),
+            EditCommand::StrokeEnd => return self.end_stroke(),
+            EditCommand::Cut(plane) => return Some(self.cut(&plane)),
+            EditCommand::Undo => return self.step_history("undo", Self::undo),
+            EditCommand::Redo => return self.step_history("redo", Self::redo),
+            EditCommand::Reset => {
+                return self.step_history("reset", |scene| {
+                    scene.reset();
+                    true
+                });
+            }
+            EditCommand::GrabBegin { id, center, radius } => self.begin_grab(id, center, radius),
+            EditCommand::GrabMove { id, by } => self.move_grab(id, by),
+            EditCommand::GrabEnd { id } => self.end_grab(id),
+        }
+        None
+    }
+
+    fn step_history(&mut self, kind: &'static str, step: impl FnOnce(&mut Self) -> bool) -> Option<EditReport> {
+        let moved = step(self);
+        let mut report = EditReport { kind, ..EditReport::default() };
+        report.outcome = if moved { Outcome::Cut } else { Outcome::Missed };
+        self.finish_report(&mut report, Vec::new());
+        Some(report)
+    }
+
+    fn begin_stroke(&mut self, width: f64) {
+        if !self.strokes.is_empty() {
+            return;
+        }
+        for (&id, tissue) in &self.tissues {
+            let stroke = TearStroke::new(tissue, width, self.sampling(tissue));
+            self.strokes.push(StrokeOf { id, stroke, before: Before::of(tissue), deltas: Vec::new() });
+        }
+    }
+
+    fn stroke_pose(&mut self, pose: BladePose) {
+        for StrokeOf { id, stroke, deltas, .. } in &mut self.strokes {
+            if let Some(tissue) = self.tissues.get_mut(id) {
+                let offset = tissue.offset();
+                stroke.push(tissue, BladePose { tip: pose.tip - offset, base: pose.base - offset, ..pose });
+                note_delta(&mut self.changes, *id, tissue, deltas);
+            }
+        }
+    }
+
+    fn end_stroke(&mut self) -> Option<EditReport> {
+        if self.strokes.is_empty() {
+            return None;
+        }
+        let mut report = EditReport { kind: "tear", ..EditReport::default() };
+        let mut unit = Unit::default();
+        let mut pieces = Vec::new();
+        for StrokeOf { id, mut stroke, before, mut deltas } in std::mem::take(&mut self.strokes) {
+            let Some(tissue) = self.tissues.get_mut(&id) else { continue };
+            stroke.release(tissue);
+            report.area_before += before.area;
+            report.volume_before += before.volume;
+            add_segments(&mut report, &stroke);
+            note_delta(&mut self.changes, id, tissue, &mut deltas);
+            if !stroke.has_torn() {
+                continue;
+            }
+            report.outcome = report.outcome.max_tear(Outcome::Torn);
+            let severed = report.stages_time("components", || before.new_components(tissue));
+            if !severed.is_empty() {
+                report.outcome = Outcome::Severed;
+            }
+            pieces.extend(self.separate(id, severed, deltas, &mut unit, &mut report));
+        }
+        let order = self.tissues.keys().copied().filter(|id| !pieces.contains(id)).collect::<Vec<_>>();
+        let all = order.into_iter().chain(pieces).map(|id| (id, 0)).collect();
+        self.commit(unit);
+        self.finish_report(&mut report, all);
+        Some(report)
+    }
+
+    /// Cuts every tissue along `plane` (model space).
+    fn cut(&mut self, plane: &Plane) -> EditReport {
+        let mut report = EditReport { kind: "cut", max_plane_distance: Some(0.0), ..EditReport::default() };
+        let mut unit = Unit::default();
+        let mut sides = Vec::new();
+        for id in self.tissues.keys().copied().collect::<Vec<_>>() {
+            let Some(tissue) = self.tissues.get_mut(&id) else { continue };
+            let local = shifted(plane, tissue.offset());
+            let measured = tissue.measure_all();
+            report.area_before += measured.area;
+            report.volume_before += measured.volume;
+            let outcome = tissue.cut(&local, &mut self.cut_scratch, &mut report.stages);
+            report.faces_visited += outcome.faces_visited;
+            if outcome.missed() {
+                sides.push((id, tissue.side_of(&local)));
+                continue;
+            }
+            report.outcome = Outcome::Cut;
+            report.new_vertices += outcome.new_vertices.len();
+            report.intersection_points += outcome.intersection_points;
+            let off = outcome.new_vertices.iter().map(|n| local.distance(tissue.position(n.vertex)).abs());
+            report.max_plane_distance = report.max_plane_distance.max(off.reduce(f64::max));
+            let mut components = report.stages_time("components", || tissue.component_faces());
+            let largest = (0..components.len()).max_by_key(|&c| (components[c].len(), std::cmp::Reverse(c)));
+            components.remove(largest.unwrap_or(0));
+            let made = self.separate(id, components, Vec::new(), &mut unit, &mut report);
+            for id in std::iter::once(id).chain(made) {
+                if let Some(tissue) = self.tissues.get(&id) {
+                    sides.push((id, tissue.side_of(&local)));
+                }
+            }
+        }
+        self.commit(unit);
+        self.finish_report(&mut report, sides);
+        report
+    }
+
+    /// Moves sets of faces of a tissue into tissues of their own; notes everything in `unit`. Returns the new ids.
+    fn separate(
+        &mut self,
+        id: TissueId,
+        parts: Vec<Vec<FaceId>>,
+        mut deltas: Vec<Arc<TissueDelta>>,
+        unit: &mut Unit,
+        report: &mut EditReport,
+    ) -> Vec<TissueId> {
+        let mut made = Vec::new();
+        let Some(tissue) = self.tissues.get_mut(&id) else { return made };
+        let separated = !parts.is_empty();
+        let mut pieces = Vec::new();
+        report.stages_time("pieces", || {
+            for faces in parts {
+                let name = tissue.name.clone();
+                pieces.push(tissue.extract_piece(&faces, name));
+            }
+            if separated {
+                tissue.restrict_particles();
+            }
+        });
+        note_delta(&mut self.changes, id, tissue, &mut deltas);
+        report.bytes_uploaded += deltas.iter().map(|d| d.upload_bytes()).sum::<usize>();
+        report.bytes_uploaded += pieces.iter().map(Tissue::full_upload_bytes).sum::<usize>();
+        unit.changes.push(Change::Edited(id, deltas));
+        for piece in pieces {
+            let new = TissueId(self.next_id);
+            self.next_id += 1;
+            self.tissues.insert(new, piece);
+            unit.changes.push(Change::Made(new, None));
+            made.push(new);
+        }
+        debug_assert!(self.validate().is_ok(), "{:?}", self.validate());
+        made
+    }
+
+    /// Totals over all tissues, and the pieces in CONTRACT's order. `sides` lists tissues with their sides; empty: all.
+    fn finish_report(&self, report: &mut EditReport, sides: Vec<(TissueId, i8)>) {
+        let sides = if sides.is_empty() { self.tissues.keys().map(|&id| (id, 0)).collect() } else { sides };
+        report.vertices = self.tissues.values().map(|t| t.mesh().live_vertices().count()).sum();
+        report.faces = self.tissues.values().map(|t| t.mesh().face_count()).sum();
+        report.max_row_entries = self.tissues.values().map(Tissue::longest_row).max().unwrap_or(0);
+        report.pieces = sides.into_iter().filter_map(|(id, side)| Some(piece_report(id, self.tissues.get(&id)?, side))).collect();
+        if report.kind == "cut" {
+            let key = |p: &PieceReport| (std::cmp::Reverse(p.side), p.lowest_origin);
+            report.pieces.sort_by(|a, b| {
+                b.side.cmp(&a.side).then(b.area.total_cmp(&a.area)).then(key(a).cmp(&key(b)))
+            });
+        }
+    }
+}
+
+fn piece_report(id: TissueId, tissue: &Tissue, side: i8) -> PieceReport {
+    let m = tissue.measure_all();
+    let origins = tissue.mesh().live_faces().map(|f| tissue.mesh().face_info(f).origin);
+    PieceReport {
+        tissue: id,
+        faces: m.faces,
+        area: m.area,
+        volume: m.volume,
+        closed: m.closed(),
+        boundary_edges: m.boundary_edges,
+        non_manifold_edges: m.non_manifold_edges,
+        degenerate_faces: m.degenerate_faces,
+        side,
+        lowest_origin: origins.min().unwrap_or(u32::MAX),
+    }
+}
+
+fn add_segments(report: &mut EditReport, stroke: &TearStroke) {
+    for segment in stroke.reports() {
+        report.new_vertices += segment.new_vertices;
+        report.intersection_points += segment.intersection_points;
+        report.faces_visited += segment.faces_visited;
+        report.area_removed += segment.area_removed;
+        report.stages.merge(&segment.stages);
+        report.segments.push(segment.clone());
+    }
+}
+
+/// A plane of model space in tissue space.
+fn shifted(plane: &Plane, offset: DVec3) -> Plane {
+    match *plane {
+        Plane::Points(points) => Plane::Points(points.map(|p| p - offset)),
+        Plane::Equation { normal, offset: d } => Plane::Equation { normal, offset: d - normal.dot(offset) },
+    }
+}
+
+impl Outcome {
+    fn max_tear(self, other: Outcome) -> Outcome {
+        if self == Outcome::Severed { self } else { other }
+    }
+}
+
+impl EditReport {
+    fn stages_time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
+        self.stages.time(stage, work)
+    }
+}
+
+impl Before {
+    fn of(tissue: &Tissue) -> Self {
+        let m = tissue.measure_all();
+        let faces = tissue.component_faces();
+        let mut component_of_origin = Vec::new();
+        for (c, faces) in faces.iter().enumerate() {
+            for &f in faces {
+                let origin = tissue.mesh().face_info(f).origin as usize;
+                if origin != u32::MAX as usize {
+                    if component_of_origin.len() <= origin {
+                        component_of_origin.resize(origin + 1, u32::MAX);
+                    }
+                    component_of_origin[origin] = c as u32;
+                }
+            }
+        }
+        Self { area: m.area, volume: m.volume, component_of_origin, components: faces.len() }
+    }
+
+    /// Components that the stroke split off: of each component there was, all parts but the largest.
+    fn new_components(&self, tissue: &Tissue) -> Vec<Vec<FaceId>> {
+        let now = tissue.component_faces();
+        if now.len() <= self.components.min(1) {
+            return Vec::new();
+        }
+        let old = |faces: &[FaceId]| {
+            let origin = tissue.mesh().face_info(faces[0]).origin as usize;
+            self.component_of_origin.get(origin).copied().unwrap_or(u32::MAX)
+        };
+        let mut largest: std::collections::BTreeMap<u32, usize> = std::collections::BTreeMap::new();
+        for (i, faces) in now.iter().enumerate() {
+            let kept = largest.entry(old(faces)).or_insert(i);
+            if now[*kept].len() < faces.len() {
+                *kept = i;
+            }
+        }
+        let keep: Vec<usize> = largest.into_values().collect();
+        now.into_iter().enumerate().filter(|(i, _)| !keep.contains(i)).map(|(_, faces)| faces).collect()
+    }
+}

@@ -1,0 +1,97 @@
+//! Undo and redo: a stack of units, each the deltas of the tissues it changed and the pieces it made (MATHS 7).
+
+use super::{Scene, TissueId};
+use crate::tissue::{Tissue, TissueDelta};
+use std::sync::Arc;
+
+/// One change of one unit. `Edited` lists the deltas of a tissue, oldest first in time of application.
+#[derive(Debug)]
+pub(super) enum Change {
+    /// A tissue was edited.
+    Edited(TissueId, Vec<Arc<TissueDelta>>),
+    /// A tissue was made. Holds the tissue while the unit is undone.
+    Made(TissueId, Option<Box<Tissue>>),
+}
+
+/// What one undo takes back: one stroke, one cut.
+#[derive(Debug, Default)]
+pub(super) struct Unit {
+    pub changes: Vec<Change>,
+}
+
+/// Units that can be undone, and units that can be redone.
+#[derive(Debug, Default)]
+pub(super) struct History {
+    undo: Vec<Unit>,
+    redo: Vec<Unit>,
+}
+
+impl Scene {
+    /// Puts a unit on the stack; what was undone before can no longer be redone.
+    pub(super) fn commit(&mut self, unit: Unit) {
+        if !unit.changes.is_empty() {
+            self.history.redo.clear();
+            self.history.undo.push(unit);
+        }
+    }
+
+    /// Takes back the newest unit. False if there is none, or a stroke is in progress.
+    pub fn undo(&mut self) -> bool {
+        if !self.strokes.is_empty() {
+            return false;
+        }
+        let Some(unit) = self.history.undo.pop() else { return false };
+        let inverse = self.travel(unit);
+        self.history.redo.push(inverse);
+        true
+    }
+
+    /// Does the newest undone unit again. False if there is none, or a stroke is in progress.
+    pub fn redo(&mut self) -> bool {
+        if !self.strokes.is_empty() {
+            return false;
+        }
+        let Some(unit) = self.history.redo.pop() else { return false };
+        let inverse = self.travel(unit);
+        self.history.undo.push(inverse);
+        true
+    }
+
+    /// Undoes every unit: the model as it was loaded. What was undone can be redone.
+    pub fn reset(&mut self) {
+        self.grabs.clear();
+        while self.undo() {}
+    }
+
+    /// Number of units that [`Scene::undo`] can take back.
+    pub fn undo_depth(&self) -> usize {
+        self.history.undo.len()
+    }
+
+    /// Number of units that [`Scene::redo`] can do again.
+    pub fn redo_depth(&self) -> usize {
+        self.history.redo.len()
+    }
+
+    /// Applies a unit's changes, last to first, and returns the unit that leads back.
+    fn travel(&mut self, unit: Unit) -> Unit {
+        let mut inverse = Unit::default();
+        for change in unit.changes.into_iter().rev() {
+            inverse.changes.push(match change {
+                Change::Edited(id, deltas) => {
+                    let inverse = self.tissues.get_mut(&id).map_or_else(Vec::new, |t| t.travel(deltas));
+                    if let Some(changes) = &mut self.changes {
+                        changes.extend(inverse.iter().map(|d| (id, d.clone())));
+                    }
+                    Change::Edited(id, inverse)
+                }
+                Change::Made(id, Some(tissue)) => {
+                    self.tissues.insert(id, *tissue);
+                    Change::Made(id, None)
+                }
+                Change::Made(id, None) => Change::Made(id, self.tissues.remove(&id).map(Box::new)),
+            });
+        }
+        inverse
+    }
+}

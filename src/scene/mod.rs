@@ -1,0 +1,152 @@
+//! The scene: tissues by id, the edits of a user, what they did, and the way back (MATHS 7).
+
+mod edit;
+mod grab;
+mod history;
+pub mod report;
+
+pub use edit::EditCommand;
+pub use report::{EditReport, Outcome, PieceReport};
+
+use crate::geometry::StateHash;
+use crate::surgery::Sampling;
+use crate::surgery::plane_cut::PlaneCutScratch;
+use crate::tissue::{Tissue, TissueDelta};
+use grab::Grab;
+use history::History;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Names a tissue for as long as the scene lives; a piece gets an id of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct TissueId(pub u32);
+
+/// What the scene needs to know of the tools.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneSettings {
+    /// Width of tears, metres, above 0.
+    pub tear_width: f64,
+    /// How blade paths are sampled, as fractions of the model.
+    pub sampling: crate::surgery::SamplingSettings,
+    /// Length of one sample, metres, where given; else from the settings and the model.
+    pub sample_distance: Option<f64>,
+}
+
+/// Tissues and their history. Positions are in model space: tissue space plus the tissue's offset.
+pub struct Scene {
+    tissues: BTreeMap<TissueId, Tissue>,
+    next_id: u32,
+    history: History,
+    strokes: Vec<edit::StrokeOf>,
+    changes: Option<Vec<(TissueId, Arc<TissueDelta>)>>,
+    grabs: Vec<Grab>,
+    settings: SceneSettings,
+    cut_scratch: PlaneCutScratch,
+    animation: Option<usize>,
+}
+
+impl Scene {
+    /// A scene with one tissue.
+    pub fn new(tissue: Tissue, settings: SceneSettings) -> Self {
+        Self {
+            tissues: BTreeMap::from([(TissueId(0), tissue)]),
+            next_id: 1,
+            history: History::default(),
+            strokes: Vec::new(),
+            changes: None,
+            grabs: Vec::new(),
+            settings,
+            cut_scratch: PlaneCutScratch::default(),
+            animation: None,
+        }
+    }
+
+    /// Tissues, by id.
+    pub fn tissues(&self) -> impl Iterator<Item = (TissueId, &Tissue)> {
+        self.tissues.iter().map(|(id, t)| (*id, t))
+    }
+
+    /// One tissue.
+    pub fn tissue(&self, id: TissueId) -> Option<&Tissue> {
+        self.tissues.get(&id)
+    }
+
+    /// One tissue, to change.
+    pub fn tissue_mut(&mut self, id: TissueId) -> Option<&mut Tissue> {
+        self.tissues.get_mut(&id)
+    }
+
+    /// Starts keeping the deltas of every edit for [`Scene::take_changes`]: for those who mirror the scene.
+    pub fn watch_changes(&mut self) {
+        self.changes.get_or_insert_default();
+    }
+
+    /// Deltas of edits, undone and redone ones too, since the last call; empty unless watched.
+    pub fn take_changes(&mut self) -> Vec<(TissueId, Arc<TissueDelta>)> {
+        self.changes.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
+    /// The tool settings.
+    pub fn settings_mut(&mut self) -> &mut SceneSettings {
+        &mut self.settings
+    }
+
+    /// The animation to play, by index into the rig; `None` rests.
+    pub fn set_animation(&mut self, animation: Option<usize>) {
+        self.animation = animation;
+    }
+
+    /// Poses every tissue at `time_s` on the scene's clock; `animation_time_s` is looped over the animation's length.
+    pub fn pose(&mut self, time_s: f64, animation_time_s: f64) {
+        for tissue in self.tissues.values_mut() {
+            let duration = self.animation.and_then(|a| tissue.rig().animations.get(a)).map_or(0.0, |a| a.duration_s);
+            let at = if duration > 0.0 { animation_time_s.rem_euclid(duration) } else { 0.0 };
+            tissue.set_pose(time_s, self.animation, at);
+        }
+    }
+
+    /// Advances the soft layers by `step_s` seconds.
+    pub fn step(&mut self, step_s: f64) {
+        self.move_grabs();
+        for tissue in self.tissues.values_mut() {
+            tissue.step(step_s);
+        }
+    }
+
+    /// True if nothing moves but, maybe, the pose.
+    pub fn is_asleep(&self) -> bool {
+        self.strokes.is_empty() && self.grabs.is_empty() && self.tissues.values().all(Tissue::is_asleep)
+    }
+
+    /// Hash of everything that edits change, over all tissues; undo restores it exactly.
+    pub fn edit_hash(&self) -> u64 {
+        let mut hash = StateHash::default();
+        for (id, tissue) in &self.tissues {
+            hash.word(u64::from(id.0));
+            tissue.edit_hash(&mut hash);
+        }
+        hash.finish()
+    }
+
+    /// Hash of everything that a frame shows: [`Scene::edit_hash`] and dynamics.
+    pub fn state_hash(&self) -> u64 {
+        let mut hash = StateHash::default();
+        for (id, tissue) in &self.tissues {
+            hash.word(u64::from(id.0));
+            tissue.state_hash(&mut hash);
+        }
+        hash.finish()
+    }
+
+    /// Checks every structure of every tissue from scratch.
+    pub fn validate(&self) -> Result<(), String> {
+        self.tissues.iter().try_for_each(|(id, t)| t.validate().map_err(|e| format!("tissue {}: {e}", id.0)))
+    }
+
+    fn sampling(&self, tissue: &Tissue) -> Sampling {
+        match self.settings.sample_distance {
+            Some(distance) => self.settings.sampling.with_distance(distance, tissue.diagonal()),
+            None => self.settings.sampling.scaled(tissue.diagonal()),
+        }
+    }
+}

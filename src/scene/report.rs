@@ -1,0 +1,95 @@
+//! What an edit did, in plain data (CONTRACT: cut, tear).
+
+use super::TissueId;
+use crate::diagnostics::Stages;
+use crate::tissue::stroke::SegmentReport;
+
+/// How an edit ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Outcome {
+    /// Nothing was reached; nothing changed.
+    #[default]
+    Missed,
+    /// A plane went through.
+    Cut,
+    /// The surface was torn and still hangs together.
+    Torn,
+    /// The tear took a piece off.
+    Severed,
+}
+
+impl Outcome {
+    /// The word of CONTRACT.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Outcome::Missed => "missed",
+            Outcome::Cut => "cut",
+            Outcome::Torn => "torn",
+            Outcome::Severed => "severed",
+        }
+    }
+}
+
+/// One piece after an edit, in the pose of the edit.
+#[derive(Clone, Debug)]
+pub struct PieceReport {
+    /// The tissue that it is now.
+    pub tissue: TissueId,
+    /// Faces.
+    pub faces: usize,
+    /// Square metres.
+    pub area: f64,
+    /// Cubic metres, signed.
+    pub volume: f64,
+    /// No boundary and no non-manifold edge.
+    pub closed: bool,
+    /// Edges with one face.
+    pub boundary_edges: usize,
+    /// Edges with three faces or more, or two in the same direction.
+    pub non_manifold_edges: usize,
+    /// Faces without area.
+    pub degenerate_faces: usize,
+    /// +1 or -1: the side of the plane it lies on; 0 for a tear.
+    pub side: i8,
+    /// Lowest face of the loaded model that is a part of it.
+    pub lowest_origin: u32,
+}
+
+/// What an edit did.
+#[derive(Clone, Debug, Default)]
+pub struct EditReport {
+    /// "tear", "cut", "undo", "redo", "reset".
+    pub kind: &'static str,
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Live vertices after it, all tissues.
+    pub vertices: usize,
+    /// Live faces after it, all tissues.
+    pub faces: usize,
+    /// The pieces: positive side first, then by area, ties by lowest original face.
+    pub pieces: Vec<PieceReport>,
+    /// Vertices inserted.
+    pub new_vertices: usize,
+    /// Rows that grew too long and became base vertices (MATHS 1.4).
+    pub promoted_vertices: usize,
+    /// Points where planes crossed edges and faces.
+    pub intersection_points: usize,
+    /// Square metres before.
+    pub area_before: f64,
+    /// Cubic metres before, signed.
+    pub volume_before: f64,
+    /// Square metres that tears took out.
+    pub area_removed: f64,
+    /// Largest distance of an inserted vertex from the plane, metres (cuts).
+    pub max_plane_distance: Option<f64>,
+    /// Longest row.
+    pub max_row_entries: usize,
+    /// Faces looked at.
+    pub faces_visited: usize,
+    /// Bytes that a GPU mirror needs to follow.
+    pub bytes_uploaded: usize,
+    /// Milliseconds by stage.
+    pub stages: Stages,
+    /// Tears: one entry a segment.
+    pub segments: Vec<SegmentReport>,
+}

@@ -1,0 +1,129 @@
+//! Going back and forth between the states of a tissue (MATHS 7), and checking them.
+
+use super::{Tissue, TissueDelta};
+use crate::geometry::{Plane, VertexId};
+use glam::DVec3;
+use std::sync::Arc;
+
+impl TissueDelta {
+    /// Bytes that a GPU mirror needs to follow: the dirty entries of every mirrored array.
+    pub fn upload_bytes(&self) -> usize {
+        let Self { mesh, rows, map, .. } = self;
+        mesh.faces.dirty_bytes()
+            + mesh.opposite.dirty_bytes()
+            + mesh.face_wedges.dirty_bytes()
+            + mesh.vertex_half_edge.dirty_bytes()
+            + mesh.wedges.dirty_bytes()
+            + rows.rest_position.dirty_bytes()
+            + rows.rows.spans.dirty_bytes()
+            + rows.rows.entries.dirty_bytes() / 2 // weights travel as f32
+            + rows.bones.spans.dirty_bytes()
+            + rows.bones.entries.dirty_bytes()
+            + map.influences.spans.dirty_bytes()
+            + map.influences.entries.dirty_bytes()
+    }
+}
+
+impl Tissue {
+    /// Applies deltas, last to first, and returns those that lead back. Vertices that stay alive fade from where they stand,
+    /// and particles that stay keep their displacements.
+    pub fn travel(&mut self, deltas: Vec<Arc<TissueDelta>>) -> Vec<Arc<TissueDelta>> {
+        let before: Vec<(VertexId, DVec3)> = match &self.layer {
+            Some(_) => self.mesh.live_vertices().map(|v| (v, self.position(v))).collect(),
+            None => Vec::new(),
+        };
+        let inverse = deltas.into_iter().rev().map(|delta| Arc::new(self.apply(Arc::unwrap_or_clone(delta)))).collect();
+        self.follow_rows();
+        self.sync_network();
+        let threshold = 1e-10 * self.diagonal;
+        let moved: Vec<_> = before
+            .into_iter()
+            .filter(|(v, _)| v.index() < self.mesh.vertex_slots() && self.mesh.vertex_is_live(*v))
+            .filter(|(v, target)| self.position(*v).distance(*target) > threshold)
+            .collect();
+        self.fade_from(moved.into_iter());
+        self.versions.structure += 1;
+        self.versions.displacements += 1;
+        inverse
+    }
+
+    fn apply(&mut self, delta: TissueDelta) -> TissueDelta {
+        let (map, strips) = match &mut self.layer {
+            Some(layer) => (layer.map.apply_delta(delta.map), layer.strips.apply_delta(delta.strips)),
+            None => Default::default(),
+        };
+        TissueDelta { mesh: self.mesh.apply_delta(delta.mesh), rows: self.rows.apply_delta(delta.rows), map, strips }
+    }
+
+    /// Brings the arrays derived from rows to their length.
+    fn follow_rows(&mut self) {
+        let len = self.rows.len();
+        self.rest.truncate(len);
+        for v in self.rest.len()..len {
+            self.rest.push(self.rows.rest(VertexId::new(v)));
+        }
+        if !self.fades.entries.is_empty() {
+            self.fades.entries.resize(len, [0.0; 4]);
+        }
+        self.versions.fades += 1;
+    }
+
+    /// Bytes of everything that a GPU mirrors of a fresh tissue.
+    pub fn full_upload_bytes(&self) -> usize {
+        let influences = self.layer.as_ref().map_or(0, |l| l.map.influences.len() * 8 + l.map.influences.rows() * 8);
+        self.mesh.face_slots() * (12 + 12 + 12)
+            + self.mesh.wedges().len() * 32
+            + self.rows.len() * (4 + 12 + 8 + 8)
+            + self.rows.rows.len() * 8
+            + self.rows.bones.len() * 8
+            + influences
+    }
+
+    /// Number of terms of the longest row.
+    pub fn longest_row(&self) -> usize {
+        self.rows.rows.spans().iter().map(|s| s.len as usize).max().unwrap_or(0)
+    }
+
+    /// The side of `plane` (tissue space) that the tissue lies on: by the vertex farthest from it.
+    pub fn side_of(&self, plane: &Plane) -> i8 {
+        let distances = self.mesh.live_vertices().map(|v| plane.distance(self.position(v)));
+        let farthest = distances.fold(0.0f64, |m, d| if d.abs() > m.abs() { d } else { m });
+        if farthest < 0.0 { -1 } else { 1 }
+    }
+
+    /// Checks every structure from scratch.
+    pub fn validate(&self) -> Result<(), String> {
+        self.mesh.validate().map_err(|e| e.to_string())?;
+        self.rows.validate()?;
+        self.rig.validate().map_err(|e| e.to_string())?;
+        if self.rows.len() != self.mesh.vertex_slots() || self.rest.len() != self.rows.len() {
+            return Err(format!("{} rows for {} vertices", self.rows.len(), self.mesh.vertex_slots()));
+        }
+        self.validate_sections()?;
+        if let Some(layer) = &self.layer {
+            layer.strips.validate()?;
+            crate::particles::validate(&self.mesh, &self.rest, &layer.map, &layer.strips)?;
+            if layer.network.displacements().len() != layer.map.len() {
+                return Err("the network and the particle map differ in length".into());
+            }
+        }
+        Ok(())
+    }
+
+    /// Every vertex of a section lies in the section's posed bounds.
+    fn validate_sections(&self) -> Result<(), String> {
+        let mut sections = self.sections.clone();
+        let margin = DVec3::splat(1e-9 * self.diagonal);
+        let posed = sections.posed(&self.pose, u64::MAX - 1);
+        for f in self.mesh.live_faces() {
+            let (low, high) = posed[self.mesh.face_info(f).section.index()];
+            for v in self.mesh.face(f) {
+                let p = self.skinned(v);
+                if p.cmplt(low - margin).any() || p.cmpgt(high + margin).any() {
+                    return Err(format!("{v:?} of {f:?} lies outside the bounds of its section"));
+                }
+            }
+        }
+        Ok(())
+    }
+}

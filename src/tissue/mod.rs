@@ -1,0 +1,366 @@
+//! A tissue: mesh, rig, particles and dynamics of one soft body. Tissue space is metres relative to the tissue's origin.
+
+mod cover;
+pub mod edit;
+mod history;
+pub mod measure;
+pub mod pieces;
+mod sections;
+pub mod stroke;
+mod surface;
+
+use crate::formats::{Material, Model};
+use crate::geometry::{Mesh, StateHash, VertexId};
+use crate::particles::{ParticleMap, ParticleMapDelta, ParticleSettings, Strips, StripsDelta, poisson};
+use crate::physics::{Network, NetworkSettings};
+use crate::rig::{Fades, Pose, PoseScratch, Rig, VertexRows, VertexRowsDelta, final_position};
+use glam::DVec3;
+use sections::SectionBounds;
+use std::sync::Arc;
+
+/// How a tissue is made from a model.
+#[derive(Clone, Copy, Debug)]
+pub struct TissueSettings {
+    /// The soft layer; `None` leaves it out.
+    pub particles: Option<ParticleSettings>,
+    /// Its springs.
+    pub network: NetworkSettings,
+    /// Faces a section.
+    pub section_faces: usize,
+    /// How long offsets take to fade after an edit, seconds (MATHS 2.2).
+    pub fade_s: f64,
+}
+
+/// The particles of a tissue, with their springs and the strips that keep wounds apart.
+#[derive(Clone, Debug)]
+pub struct SoftLayer {
+    /// Spacing, radii, wound particles.
+    pub settings: ParticleSettings,
+    /// Anchors, influences, neighbours.
+    pub map: ParticleMap,
+    /// Wounds.
+    pub strips: Strips,
+    /// Displacements and velocities.
+    pub network: Network,
+}
+
+/// Counters that change whenever what they name does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Versions {
+    /// Mesh, rows, particle map.
+    pub structure: u64,
+    /// Joint matrices.
+    pub pose: u64,
+    /// Particle displacements.
+    pub displacements: u64,
+    /// Fades.
+    pub fades: u64,
+}
+
+/// One soft body.
+#[derive(Debug)]
+pub struct Tissue {
+    /// For people.
+    pub name: String,
+    mesh: Mesh,
+    rows: VertexRows,
+    rest: Vec<DVec3>,
+    rig: Arc<Rig>,
+    materials: Arc<Vec<Material>>,
+    offset: DVec3,
+    diagonal: f64,
+    layer: Option<SoftLayer>,
+    fades: Fades,
+    time_s: f64,
+    pose: Pose,
+    animation: Option<usize>,
+    sections: SectionBounds,
+    versions: Versions,
+    scratch: TissueScratch,
+    section_faces: usize,
+}
+
+/// All that final positions depend on, apart from the mesh.
+struct Posed<'a> {
+    rows: &'a VertexRows,
+    pose: &'a Pose,
+    fades: &'a Fades,
+    layer: Option<&'a SoftLayer>,
+    time_s: f64,
+}
+
+impl Posed<'_> {
+    fn position(&self, v: VertexId) -> DVec3 {
+        let (row, displacements) = match self.layer {
+            // a vertex inserted a moment ago has no row yet
+            Some(layer) if v.index() < layer.map.influences.rows() => {
+                (layer.map.influences.row(v.index()), layer.network.displacements())
+            }
+            _ => (&[][..], &[][..]),
+        };
+        let influences = row.iter().map(|i| (displacements[i.particle.index()], f64::from(i.weight)));
+        final_position(self.rows, self.pose, self.fades, self.time_s, v, influences)
+    }
+}
+
+/// Buffers of one tissue, kept between frames.
+#[derive(Debug, Default)]
+struct TissueScratch {
+    pose: PoseScratch,
+    rest_displacements: Vec<DVec3>,
+}
+
+/// Everything that one edit changed in a tissue (MATHS 7). Proportional to what was touched.
+#[derive(Clone, Debug, Default)]
+pub struct TissueDelta {
+    /// Topology and attributes.
+    pub mesh: crate::geometry::MeshDelta,
+    /// Rows.
+    pub rows: VertexRowsDelta,
+    /// Particle map.
+    pub map: ParticleMapDelta,
+    /// Strips.
+    pub strips: StripsDelta,
+}
+
+impl TissueDelta {
+    /// True if nothing changed.
+    pub fn is_empty(&self) -> bool {
+        self.mesh.is_empty() && self.rows.rest_position.is_empty() && self.map.anchors.is_empty() && self.map.influences.is_empty()
+    }
+}
+
+/// Why a tissue could not be made.
+#[derive(Debug, thiserror::Error)]
+pub enum TissueError {
+    /// Bad particle settings.
+    #[error("particles: {0}")]
+    Particles(#[from] crate::particles::SettingsError),
+    /// Bad spring settings.
+    #[error("dynamics: {0}")]
+    Dynamics(#[from] crate::physics::SettingsError),
+}
+
+impl Tissue {
+    /// Builds a tissue in the model's rest pose, with its particles at rest.
+    pub fn new(model: Model, settings: &TissueSettings) -> Result<Self, TissueError> {
+        let Model { name, mesh, rows, rig, materials, offset, .. } = model;
+        let rest: Vec<DVec3> = (0..rows.len()).map(|v| rows.rest(VertexId::new(v))).collect();
+        let pose = rig.rest_pose();
+        let mut tissue = Self {
+            name,
+            mesh,
+            rows,
+            rest,
+            rig: Arc::new(rig),
+            materials: Arc::new(materials),
+            offset,
+            diagonal: 0.0,
+            layer: None,
+            fades: Fades { duration_s: settings.fade_s, ..Fades::default() },
+            time_s: 0.0,
+            pose,
+            animation: None,
+            sections: SectionBounds::default(),
+            versions: Versions { structure: 1, pose: 1, displacements: 1, fades: 1 },
+            scratch: TissueScratch::default(),
+            section_faces: settings.section_faces,
+        };
+        tissue.build_sections();
+        let (low, high) = tissue.bounds();
+        tissue.diagonal = (high - low).length();
+        if let Some(particles) = settings.particles {
+            tissue.layer = Some(tissue.build_layer(particles, settings.network.checked()?)?);
+        }
+        tissue.discard_delta();
+        Ok(tissue)
+    }
+
+    fn build_layer(&self, settings: ParticleSettings, network: NetworkSettings) -> Result<SoftLayer, TissueError> {
+        for warning in settings.validate()? {
+            tracing::warn!("{warning}");
+        }
+        let anchors = poisson::sample(&self.mesh, &self.rest, settings.spacing, settings.seed);
+        let (map, report) = ParticleMap::build(&self.mesh, &self.rest, &anchors, &settings);
+        tracing::debug!(particles = anchors.len(), truncation = report.truncation_error, "soft layer");
+        let mut layer = SoftLayer { settings, map, strips: Strips::default(), network: Network::new(network) };
+        layer.sync_network(self.diagonal);
+        Ok(layer)
+    }
+
+    fn build_sections(&mut self) {
+        let (count, section) =
+            crate::geometry::sections::cluster_faces(&self.mesh, |v| self.rest[v.index()], self.section_faces);
+        self.mesh.assign_sections(count, &section);
+        self.sections = SectionBounds::build(&self.mesh, &self.rows);
+    }
+
+    /// Topology, wedges, sections.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// Rest positions, bones and rows.
+    pub fn rows(&self) -> &VertexRows {
+        &self.rows
+    }
+
+    /// Nodes, joints and animations, shared by all pieces of a model.
+    pub fn rig(&self) -> &Arc<Rig> {
+        &self.rig
+    }
+
+    /// Materials, shared by all pieces of a model.
+    pub fn materials(&self) -> &Arc<Vec<Material>> {
+        &self.materials
+    }
+
+    /// Origin of tissue space in model space, metres.
+    pub fn offset(&self) -> DVec3 {
+        self.offset
+    }
+
+    /// Diagonal of the bounds at rest of the model it came from, metres: the yardstick of tolerances.
+    pub fn diagonal(&self) -> f64 {
+        self.diagonal
+    }
+
+    /// The soft layer, if there is one.
+    pub fn layer(&self) -> Option<&SoftLayer> {
+        self.layer.as_ref()
+    }
+
+    /// The soft layer, to grab, push and set.
+    pub fn layer_mut(&mut self) -> Option<&mut SoftLayer> {
+        self.layer.as_mut()
+    }
+
+    /// Joint matrices now.
+    pub fn pose(&self) -> &Pose {
+        &self.pose
+    }
+
+    /// Fades now.
+    pub fn fades(&self) -> &Fades {
+        &self.fades
+    }
+
+    /// The tissue's clock, seconds.
+    pub fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    /// Change counters.
+    pub fn versions(&self) -> Versions {
+        self.versions
+    }
+
+    /// Rest positions of all vertex slots, f64.
+    pub fn rest_positions(&self) -> &[DVec3] {
+        &self.rest
+    }
+
+    /// Sets the clock and the pose: `animation` at `animation_time_s` (looped by the caller).
+    pub fn set_pose(&mut self, time_s: f64, animation: Option<usize>, animation_time_s: f64) {
+        self.time_s = time_s;
+        if animation.is_none() && self.animation.is_none() && self.versions.pose > 1 {
+            return; // a resting pose is set once
+        }
+        self.animation = animation;
+        let rig = self.rig.clone();
+        rig.pose(animation, animation_time_s, &mut self.scratch.pose, &mut self.pose);
+        self.versions.pose += 1;
+    }
+
+    /// Final position of a vertex as the user sees it, tissue space (MATHS 2.1, 2.2).
+    pub fn position(&self, v: VertexId) -> DVec3 {
+        let Self { rows, pose, fades, layer, time_s, .. } = self;
+        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s }.position(v)
+    }
+
+    /// Carries a posed point (tissue space) to rest space with the frame of vertex `v`.
+    fn to_rest(&self, v: VertexId, p: DVec3) -> DVec3 {
+        let linear = self.pose.blended_linear(&self.rows, v);
+        let inverse = if linear.determinant().abs() > 1e-9 { linear.inverse() } else { glam::DMat3::IDENTITY };
+        self.rest[v.index()] + inverse * (p - self.position(v))
+    }
+
+    /// Brings the section bounds to the current pose.
+    fn refresh_sections(&mut self) {
+        let version = self.versions.pose;
+        self.sections.posed(&self.pose, version);
+    }
+
+    fn sync_network(&mut self) {
+        let diagonal = self.diagonal;
+        if let Some(layer) = &mut self.layer {
+            layer.sync_network(diagonal);
+        }
+    }
+
+    /// Skinned position of a vertex, without displacement, tissue space.
+    pub fn skinned(&self, v: VertexId) -> DVec3 {
+        self.pose.skin(&self.rows, v)
+    }
+
+    /// Bounds of all live vertices' final positions, tissue space.
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        self.mesh.live_vertices().map(|v| self.position(v)).fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
+    }
+
+    /// Advances the soft layer by `step_s`: wound rests follow their anchors, springs are propagated.
+    pub fn step(&mut self, step_s: f64) {
+        let Some(layer) = &mut self.layer else { return };
+        let rests = &mut self.scratch.rest_displacements;
+        rests.clear();
+        rests.extend((0..layer.map.len()).map(|p| {
+            let u0 = DVec3::from_array(layer.map.rest_displacement[p]);
+            let anchor = layer.map.anchors[p];
+            if u0 == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { self.pose.blended_linear(&self.rows, anchor) * u0 }
+        }));
+        layer.network.set_rest_displacements(rests);
+        if layer.network.awake() {
+            layer.network.step(step_s);
+            self.versions.displacements += 1;
+        }
+    }
+
+    /// True if neither springs nor fades move the tissue.
+    pub fn is_asleep(&self) -> bool {
+        !self.layer.as_ref().is_some_and(|l| l.network.awake()) && !self.fades.running(self.time_s)
+    }
+
+    /// Everything that edits have changed since the last call.
+    pub fn take_delta(&mut self) -> TissueDelta {
+        let (map, strips) = match &mut self.layer {
+            Some(layer) => (layer.map.take_delta(), layer.strips.take_delta()),
+            None => Default::default(),
+        };
+        TissueDelta { mesh: self.mesh.take_delta(), rows: self.rows.take_delta(), map, strips }
+    }
+
+    fn discard_delta(&mut self) {
+        self.take_delta();
+    }
+
+    /// Hash of topology, rows, attributes, particle map and strips (MATHS 7).
+    pub fn edit_hash(&self, hash: &mut StateHash) {
+        self.mesh.hash_arrays(hash);
+        self.rows.hash_into(hash);
+        if let Some(layer) = &self.layer {
+            layer.map.hash_into(hash);
+            layer.strips.hash_into(hash);
+        }
+    }
+
+    /// Adds dynamics to [`Tissue::edit_hash`]: displacements, velocities, fades.
+    pub fn state_hash(&self, hash: &mut StateHash) {
+        self.edit_hash(hash);
+        hash.bytes(bytemuck::cast_slice(&self.fades.entries));
+        if let Some(layer) = &self.layer {
+            for p in layer.network.displacements().iter().chain(layer.network.velocities()) {
+                hash.bytes(bytemuck::bytes_of(&p.to_array()));
+            }
+        }
+    }
+}

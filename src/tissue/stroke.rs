@@ -1,0 +1,226 @@
+//! A tear through one tissue: blade poses in, the surface torn box by box, live (MATHS 5).
+
+use super::Tissue;
+use crate::diagnostics::Stages;
+use crate::geometry::{FaceId, Plane, VertexId};
+use crate::particles::{LipVertex, MapUpdateReport};
+use crate::surgery::clip::MAX_PLANES;
+use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
+use crate::surgery::{BladePose, EntryPoint, Sampling, Side, Stroke, TearBox, TearSegment};
+use glam::DVec3;
+
+/// Sides whose two triangles are this flat, as a fraction of the diagonal, are one plane.
+const FLAT_SIDE: f64 = 1e-9;
+
+/// The paper's rows for one segment, with what it did.
+#[derive(Clone, Debug, Default)]
+pub struct SegmentReport {
+    /// Milliseconds: perform_tear, update_particles, disconnect_particles, bind, update_mesh.
+    pub stages: Stages,
+    /// Vertices inserted.
+    pub new_vertices: usize,
+    /// Faces looked at.
+    pub faces_visited: usize,
+    /// Crossings of planes with edges and faces.
+    pub intersection_points: usize,
+    /// Area taken out, square metres.
+    pub area_removed: f64,
+    /// Particles that the wound was given.
+    pub wound_particles: usize,
+}
+
+/// A stroke in progress through one tissue.
+pub struct TearStroke {
+    stroke: Stroke,
+    segments: Vec<TearSegment>,
+    tags: Vec<OnPlanes>,
+    /// Chain, place and rest-space end edge (tip, top) of the last box.
+    last: Option<(u32, u32, [DVec3; 2])>,
+    slit: u32,
+    candidates: Vec<FaceId>,
+    scratch: TearScratch,
+    step: TearStep,
+    boxes: Vec<TearBox>,
+    reports: Vec<SegmentReport>,
+}
+
+impl TearStroke {
+    /// Takes up the blade over `tissue`: a slit of `width` metres, above 0.
+    pub fn new(tissue: &Tissue, width: f64, sampling: Sampling) -> Self {
+        Self {
+            stroke: Stroke::new(width, sampling),
+            segments: Vec::new(),
+            tags: Vec::new(),
+            last: None,
+            slit: tissue.layer().map_or(0, |l| l.strips.next_slit()),
+            candidates: Vec::new(),
+            scratch: TearScratch::default(),
+            step: TearStep::default(),
+            boxes: Vec::new(),
+            reports: Vec::new(),
+        }
+    }
+
+    /// Takes the next blade pose (tissue space) and tears as far as it allows: a box is committed when the sample after its
+    /// end has come (MATHS 5.4).
+    pub fn push(&mut self, tissue: &mut Tissue, pose: BladePose) {
+        tissue.refresh_sections();
+        let surface = |tip, base| entry(tissue, tip, base);
+        self.stroke.push(pose, &surface, &mut self.segments);
+        self.tear_segments(tissue);
+    }
+
+    /// Ends the stroke where the blade is.
+    pub fn release(&mut self, tissue: &mut Tissue) {
+        tissue.refresh_sections();
+        let surface = |tip, base| entry(tissue, tip, base);
+        self.stroke.release(&surface, &mut self.segments);
+        self.tear_segments(tissue);
+        self.tags.clear();
+        self.last = None;
+    }
+
+    /// Boxes committed so far, in order.
+    pub fn boxes(&self) -> &[TearBox] {
+        &self.boxes
+    }
+
+    /// Reports of the boxes that tore something.
+    pub fn reports(&self) -> &[SegmentReport] {
+        &self.reports
+    }
+
+    /// True if anything was torn.
+    pub fn has_torn(&self) -> bool {
+        self.reports.iter().any(|r| r.new_vertices > 0 || r.area_removed > 0.0)
+    }
+
+    fn tear_segments(&mut self, tissue: &mut Tissue) {
+        for segment in std::mem::take(&mut self.segments) {
+            if let Some(tear_box) = segment.as_box() {
+                self.tear_box(tissue, tear_box);
+            }
+        }
+    }
+
+    fn tear_box(&mut self, tissue: &mut Tissue, tear_box: &TearBox) {
+        let mut report = SegmentReport::default();
+        let planes = BoxPlanes::new(tear_box, FLAT_SIDE * tissue.diagonal());
+        if self.last.is_none_or(|(chain, index, _)| (chain, index + 1) != (tear_box.chain, tear_box.index)) {
+            self.tags.clear();
+        }
+        let tags = planes.start_tags(&self.tags);
+        let [low, high] = tear_box.bounds();
+        let margin = DVec3::splat(1e-9 * tissue.diagonal());
+        let hit = report.stages.time("perform_tear", || {
+            tissue.faces_near(low - margin, high + margin, &mut self.candidates);
+            let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
+            let (mesh, posed) = tissue.split_borrow();
+            tear_step(mesh, &body, &self.candidates, &|v| posed.position(v), &tags, &mut self.scratch, &mut self.step)
+        });
+        report.faces_visited = self.step.faces_visited;
+        let end = if hit { self.bind(tissue, tear_box, &mut report) } else { self.rest_edge(tissue, tear_box, 1) };
+        self.tags = planes.end_edges(&self.step.on_end);
+        self.last = Some((tear_box.chain, tear_box.index, end));
+        self.boxes.push(tear_box.clone());
+        self.reports.push(report);
+    }
+
+    /// Rows, strip and particle map of what the box tore. Returns the strip's end edge at rest.
+    fn bind(&mut self, tissue: &mut Tissue, tear_box: &TearBox, report: &mut SegmentReport) -> [DVec3; 2] {
+        let step = &self.step;
+        report.stages.time("update_mesh", || tissue.add_vertices(&step.new_vertices));
+        report.new_vertices = step.new_vertices.len();
+        report.intersection_points = step.intersection_points;
+        report.area_removed = step.area_removed;
+        let start = match self.last {
+            Some((chain, index, edge)) if (chain, index + 1) == (tear_box.chain, tear_box.index) => edge,
+            _ => self.rest_edge(tissue, tear_box, 0),
+        };
+        let end = self.rest_edge(tissue, tear_box, 1);
+        let strip = report.stages.time("disconnect_particles", || {
+            let layer = tissue.layer.as_mut()?;
+            let corners = [start[0], end[0], end[1], start[1]];
+            layer.strips.push(corners, layer.settings.radius, self.slit).ok()
+        });
+        let lips: Vec<LipVertex> = strip.map_or_else(Vec::new, |strip| {
+            self.step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: l.side }).collect()
+        });
+        let update: MapUpdateReport = report.stages.time("update_particles", || {
+            let strips = strip.map_or(0..0, |s| s..s + 1);
+            tissue.update_map(&self.step.new_vertices, &self.step.touched, strips, &lips)
+        });
+        report.wound_particles = update.particles_added;
+        report.stages.time("bind", || tissue.versions.structure += 1);
+        end
+    }
+
+    /// The blade `[tip, top]` at one end of a box, carried to rest space by the nearest surface vertex.
+    fn rest_edge(&self, tissue: &Tissue, tear_box: &TearBox, end: usize) -> [DVec3; 2] {
+        let [tip, top] = tear_box.blades[end];
+        let nearest = |p: DVec3| -> Option<VertexId> {
+            let near = |v: &VertexId| tissue.position(*v).distance_squared(p);
+            let vertices = self.candidates.iter().filter(|f| tissue.mesh.is_live(**f)).flat_map(|&f| tissue.mesh.face(f));
+            vertices.min_by(|a, b| near(a).total_cmp(&near(b)).then(a.cmp(b)))
+        };
+        match nearest(top) {
+            Some(v) => [tip, top].map(|p| tissue.to_rest(v, p)),
+            None => [tip, top],
+        }
+    }
+}
+
+fn entry(tissue: &Tissue, tip: DVec3, base: DVec3) -> Option<EntryPoint> {
+    tissue.blade_entry(tip, base).map(|(s, _)| EntryPoint { s, rise: 0.0 })
+}
+
+/// The planes of a box, a flat side's two triangles as one.
+struct BoxPlanes {
+    planes: Vec<Plane>,
+    sides: Vec<Side>,
+    /// Bits of the planes that hold edge `k` of the start quad, and of the end quad.
+    edge_planes: [[u16; 4]; 2],
+}
+
+/// Bits of quad edges in tags that wait for the next box.
+type EdgeBits = u16;
+
+impl BoxPlanes {
+    fn new(tear_box: &TearBox, flat: f64) -> Self {
+        let mut all = Self { planes: Vec::with_capacity(MAX_PLANES), sides: Vec::new(), edge_planes: [[0; 4]; 2] };
+        let mut push = |all: &mut Self, k: usize| {
+            let space = &tear_box.planes[k];
+            let plane = Plane::Points(space.points);
+            all.planes.push(if space.flipped { plane.flipped() } else { plane });
+            all.sides.push(space.side);
+            1u16 << (all.planes.len() - 1)
+        };
+        push(&mut all, 0);
+        push(&mut all, 1);
+        for k in 0..4 {
+            let first = push(&mut all, 2 + 2 * k);
+            let second = if tear_box.bulge[k] <= flat { first } else { push(&mut all, 3 + 2 * k) };
+            all.edge_planes[0][k] = first;
+            all.edge_planes[1][k] = second;
+        }
+        all
+    }
+
+    /// Tags for this box from the quad edges that vertices of the box before ended on.
+    fn start_tags(&self, ended: &[OnPlanes]) -> Vec<OnPlanes> {
+        let planes = |edges: EdgeBits| (0..4).filter(|k| edges >> k & 1 == 1).fold(1, |m, k| m | self.edge_planes[0][k]);
+        ended.iter().map(|t| OnPlanes { vertex: t.vertex, planes: planes(t.planes) }).collect()
+    }
+
+    /// Vertices on the end joint, with the quad edges they lie on, sorted.
+    fn end_edges(&self, on_end: &[OnPlanes]) -> Vec<OnPlanes> {
+        let edges = |planes: u16| (0..4).filter(|&k| planes & self.edge_planes[1][k] != 0).fold(0, |m, k| m | 1 << k);
+        let mut ended: Vec<OnPlanes> = on_end.iter().map(|t| OnPlanes { vertex: t.vertex, planes: edges(t.planes) }).collect();
+        ended.sort_unstable_by_key(|t| t.vertex);
+        ended.dedup_by(|a, b| {
+            b.planes |= if a.vertex == b.vertex { a.planes } else { 0 };
+            a.vertex == b.vertex
+        });
+        ended
+    }
+}

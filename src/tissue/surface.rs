@@ -1,0 +1,100 @@
+//! Casting a blade at the tissue as the user sees it, section by section.
+
+use super::Tissue;
+use crate::geometry::{FaceId, SectionId};
+use glam::DVec3;
+
+impl Tissue {
+    /// Faces of the sections whose posed bounds, widened by all displacements, meet `low..high` (tissue space). Sorted. Call
+    /// [`Tissue::refresh_sections`] first.
+    pub(super) fn faces_near(&self, low: DVec3, high: DVec3, out: &mut Vec<FaceId>) {
+        out.clear();
+        let widen = self.widening();
+        for (s, &(section_low, section_high)) in self.sections.current().iter().enumerate() {
+            let apart = (section_low - widen.1).cmpgt(high).any() || (section_high + widen.0).cmplt(low).any();
+            if !apart {
+                out.extend(self.mesh.section_faces(SectionId::new(s)));
+            }
+        }
+        out.sort_unstable();
+    }
+
+    /// How far particles and fades may carry a vertex along each axis: (towards high, towards low), metres (MATHS 5.8).
+    fn widening(&self) -> (DVec3, DVec3) {
+        let margin = DVec3::splat(1e-9 * self.diagonal);
+        let (mut high, mut low) = (margin, margin);
+        if let Some(layer) = &self.layer {
+            let (mut u_high, mut u_low) = (DVec3::ZERO, DVec3::ZERO);
+            for u in layer.network.displacements() {
+                u_high = u_high.max(*u);
+                u_low = u_low.min(*u);
+            }
+            high += u_high;
+            low -= u_low;
+        }
+        if self.fades.running(self.time_s) {
+            let longest = self.fades.entries.iter().map(|c| f64::from(c[0]).hypot(f64::from(c[1])).hypot(f64::from(c[2])));
+            let stretch = self.pose.joint_matrices.iter().map(|m| {
+                let l = m.linear();
+                l.x_axis.length_squared() + l.y_axis.length_squared() + l.z_axis.length_squared()
+            });
+            let reach = longest.fold(0.0, f64::max) * stretch.fold(1.0, f64::max).sqrt();
+            high += reach;
+            low += reach;
+        }
+        (high, low)
+    }
+
+    /// Where the segment `base -> tip` first meets the surface: parameter 0 to 1 from the base, and the face. Touching counts.
+    /// A base that lies inside a closed surface gives 0.
+    pub fn blade_entry(&self, tip: DVec3, base: DVec3) -> Option<(f64, FaceId)> {
+        let mut faces = Vec::new();
+        self.faces_near(tip.min(base), tip.max(base), &mut faces);
+        let mut first: Option<(f64, FaceId)> = None;
+        for f in faces {
+            let corners = self.mesh.face(f).map(|v| self.position(v));
+            if let Some(s) = segment_triangle(base, tip, corners)
+                && first.is_none_or(|(best, _)| s < best)
+            {
+                first = Some((s, f));
+            }
+        }
+        let (s, f) = first?;
+        let [a, b, c] = self.mesh.face(f).map(|v| self.position(v));
+        let leaves = (b - a).cross(c - a).dot(tip - base) > 0.0;
+        Some((if leaves { 0.0 } else { s }, f))
+    }
+}
+
+/// Parameter at which the segment `p -> q` meets a triangle, edges and corners included; `None` if it does not, or lies in its
+/// plane.
+fn segment_triangle(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    if p.min(q).cmpgt(high).any() || p.max(q).cmplt(low).any() {
+        return None;
+    }
+    let at = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
+    let (dp, dq) = (robust::orient3d(at(a), at(b), at(c), at(p)), robust::orient3d(at(a), at(b), at(c), at(q)));
+    if dp == 0.0 && dq == 0.0 || dp * dq > 0.0 {
+        return None;
+    }
+    let turns = [(a, b), (b, c), (c, a)].map(|(u, v)| robust::orient3d(at(p), at(q), at(u), at(v)));
+    let inside = turns.iter().all(|&t| t >= 0.0) || turns.iter().all(|&t| t <= 0.0);
+    inside.then(|| (dp / (dp - dq)).clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn segments_meet_triangles_at_edges_too() {
+        let t = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        let hit = |x: f64, y: f64| segment_triangle(DVec3::new(x, y, 1.0), DVec3::new(x, y, -3.0), t);
+        assert_eq!(hit(0.25, 0.25), Some(0.25));
+        assert_eq!(hit(0.5, 0.5), Some(0.25));
+        assert_eq!(hit(0.0, 0.0), Some(0.25));
+        assert_eq!(hit(0.6, 0.6), None);
+        assert_eq!(segment_triangle(DVec3::new(0.2, 0.2, 2.0), DVec3::new(0.2, 0.2, 1.0), t), None);
+    }
+}
