@@ -1,14 +1,18 @@
 //! Indices, arrays that can be taken back, and the triangle mesh. Knows nothing of bones, particles or tools.
 
+pub mod components;
 pub mod csr;
 pub mod hash;
 pub mod ids;
+pub mod measure;
 pub mod mesh;
 pub mod topology;
 pub mod tracked;
 
+pub use components::Components;
 pub use csr::{SlotCsr, SlotCsrDelta, Span};
 pub use hash::StateHash;
 pub use ids::{FaceId, HalfEdge, ParticleId, SectionId, VertexId, WedgeId};
+pub use measure::Measures;
 pub use mesh::{FaceInfo, Mesh, MeshDelta, Wedge};
 pub use tracked::{Delta, Tracked};
