@@ -1,10 +1,12 @@
 //! Indices, arrays that can be taken back, and the triangle mesh. Knows nothing of bones, particles or tools.
 
+pub mod components;
 pub mod csr;
 pub mod extract;
 pub mod fx;
 pub mod hash;
 pub mod ids;
+pub mod measure;
 pub mod mesh;
 pub mod predicates;
 pub mod sections;
@@ -12,11 +14,13 @@ pub mod topology;
 pub mod tracked;
 pub mod validate;
 
+pub use components::Components;
 pub use csr::{SlotCsr, SlotCsrDelta, Span};
 pub use extract::Extraction;
 pub use fx::FxHashMap;
 pub use hash::StateHash;
 pub use ids::{FaceId, HalfEdge, ParticleId, SectionId, VertexId, WedgeId};
+pub use measure::Measures;
 pub use mesh::{FaceInfo, Mesh, MeshDelta, Wedge};
 pub use predicates::Plane;
 pub use topology::{NewFace, SplitVertex, TopologyScratch};

@@ -40,6 +40,12 @@ impl JointMatrix {
         DVec3::new(at(0), at(1), at(2))
     }
 
+    /// As an f64 transform.
+    pub fn affine(&self) -> glam::DAffine3 {
+        let translation = DVec3::new(self.row(0).1, self.row(1).1, self.row(2).1);
+        glam::DAffine3 { matrix3: self.linear(), translation }
+    }
+
     /// The linear part, in f64.
     pub fn linear(&self) -> DMat3 {
         DMat3::from_cols(self.row(0).0, self.row(1).0, self.row(2).0).transpose()

@@ -1,0 +1,289 @@
+//! glTF 2.0: all triangle primitives of all mesh nodes of the chosen scene, with materials, skins and animations.
+
+use super::gltf_data::{Document, read_uri};
+use super::gltf_primitive::{Attributes, read_attributes, triangles};
+use super::gltf_rig::{self, ImportedRig, warn_once};
+use super::material::{Material, Texture, decode};
+use super::stored::{Dress, Stored, StoredFace};
+use super::{FormatError, LoadReport, Model, assemble};
+use crate::rig::{BoneWeight, Joint};
+use gltf::json;
+use glam::{DAffine3, DMat3, DVec3};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Most stored vertices of a model: beyond this the 32-bit half-edge numbers of its faces would not fit.
+const MAX_VERTICES: usize = 1 << 27;
+
+/// Extensions that do not change how geometry is stored.
+fn harmless(extension: &str) -> bool {
+    extension.starts_with("KHR_materials_")
+        || extension.starts_with("KHR_lights")
+        || ["KHR_mesh_quantization", "KHR_texture_transform", "KHR_animation_pointer", "KHR_xmp_json_ld"].contains(&extension)
+        || extension.contains("texture")
+}
+
+/// Reads a .glb or .gltf file; external files are looked up in `folder`.
+pub(crate) fn read(bytes: &[u8], name: &str, folder: Option<&Path>) -> Result<Model, FormatError> {
+    let document = Document::parse(bytes, folder)?;
+    let mut report = LoadReport::default();
+    for extension in &document.root.extensions_required {
+        if !harmless(extension) {
+            return Err(FormatError::UnsupportedExtension { name: extension.clone() });
+        }
+    }
+    let rig = gltf_rig::read(&document, &mut report.warnings)?;
+    let rigid_joints = vec![u32::MAX; rig.rig.nodes.len()];
+    let mut import = Import { document, rig, rigid_joints, stored: Stored::default(), skinned: Vec::new(), materials: 0, report };
+    let mut materials = import.read_materials(folder);
+    import.materials = materials.len();
+    import.read_meshes()?;
+    if import.stored.faces.iter().any(|f| f.material as usize == materials.len()) {
+        materials.push(Material::default());
+    }
+    import.finish(name, materials)
+}
+
+struct Import {
+    document: Document,
+    rig: ImportedRig,
+    /// Rigid joint of each rig node, `u32::MAX` where it has none.
+    rigid_joints: Vec<u32>,
+    stored: Stored,
+    /// Stored vertices of each skinned primitive, by skin.
+    skinned: Vec<(usize, Range<usize>)>,
+    materials: usize,
+    report: LoadReport,
+}
+
+impl Import {
+    fn read_materials(&mut self, folder: Option<&Path>) -> Vec<Material> {
+        let root = &self.document.root;
+        let mut pictures: Vec<Option<Option<Arc<Texture>>>> = vec![None; root.images.len()];
+        let mut materials = Vec::new();
+        for material in &root.materials {
+            let pbr = &material.pbr_metallic_roughness;
+            let texture = pbr.base_color_texture.as_ref().and_then(|info| {
+                let image = root.textures.get(info.index.value())?.source.value();
+                let slot = pictures.get_mut(image)?;
+                slot.get_or_insert_with(|| match read_picture(&self.document, image, folder) {
+                    Ok(texture) => Some(Arc::new(texture)),
+                    Err(error) => {
+                        self.report.warnings.push(format!("image {image} is left out: {error}"));
+                        None
+                    }
+                })
+                .clone()
+            });
+            let base_colour = pbr.base_color_factor.0.map(|c| if c.is_finite() { c } else { 1.0 });
+            let name = material.name.clone().unwrap_or_default();
+            materials.push(Material { name, base_colour, texture, double_sided: material.double_sided });
+        }
+        materials
+    }
+
+    fn read_meshes(&mut self) -> Result<(), FormatError> {
+        for node in 0..self.rig.scene_nodes {
+            let file_node = self.rig.file_node[node] as usize;
+            let (mesh, skin) = {
+                let n = &self.document.root.nodes[file_node];
+                (n.mesh.map(|m| m.value()), n.skin.map(|s| s.value()))
+            };
+            let Some(mesh) = mesh else { continue };
+            let meshes = self.document.root.meshes.len();
+            if mesh >= meshes {
+                return Err(FormatError::range(format!("node {file_node}"), "mesh", mesh as u64, meshes));
+            }
+            if let Some(skin) = skin.filter(|&s| s >= self.rig.rig.skins.len()) {
+                let skins = self.rig.rig.skins.len();
+                return Err(FormatError::range(format!("node {file_node}"), "skin", skin as u64, skins));
+            }
+            for index in 0..self.document.root.meshes[mesh].primitives.len() {
+                self.read_primitive(node, mesh, index, skin)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn read_primitive(&mut self, node: usize, mesh: usize, index: usize, skin: Option<usize>) -> Result<(), FormatError> {
+        let primitive = &self.document.root.meshes[mesh].primitives[index];
+        if primitive.targets.as_ref().is_some_and(|t| !t.is_empty()) {
+            warn_once(&mut self.report.warnings, "morph targets are left out");
+        }
+        let label = match &self.document.root.meshes[mesh].name {
+            Some(name) => format!("mesh \"{name}\", primitive {index}"),
+            None => format!("mesh {mesh}, primitive {index}"),
+        };
+        let Some(faces) = triangles(&self.document, primitive, &label, &mut self.report.warnings)? else { return Ok(()) };
+        let material = primitive.material.map_or(self.materials, |m| m.value());
+        if material > self.materials || (primitive.material.is_some() && material == self.materials) {
+            return Err(FormatError::range(label, "material", material as u64, self.materials));
+        }
+        let joints = skin.map(|s| self.rig.rig.skins[s].joints.as_slice());
+        let uv_set = uv_set(&self.document.root, primitive);
+        let attributes = read_attributes(&self.document, primitive, uv_set, joints, &faces, &label)?;
+        let total = self.stored.positions.len() + attributes.positions.len();
+        if total > MAX_VERTICES {
+            return Err(FormatError::TooLarge { what: "vertices", count: total as u64, limit: MAX_VERTICES as u64 });
+        }
+        let start = self.stored.positions.len();
+        let flip = match (skin, attributes.bones.is_empty()) {
+            (Some(skin), false) => {
+                self.push_skinned(&attributes);
+                self.skinned.push((skin, start..total));
+                false
+            }
+            _ => self.push_rigid(&attributes, node),
+        };
+        for mut face in faces {
+            if flip {
+                face.swap(1, 2);
+            }
+            let corners = face.map(|v| v + start as u32);
+            self.stored.faces.push(StoredFace { corners, dresses: corners, material: material as u32 });
+        }
+        Ok(())
+    }
+
+    /// A skinned mesh ignores its own node's transform.
+    fn push_skinned(&mut self, attributes: &Attributes) {
+        for (i, p) in attributes.positions.iter().enumerate() {
+            self.stored.push(widen(*p), attributes.mark(i), attributes.bones(i));
+            self.stored.dresses.push(attributes.dress(i, attributes.normals.get(i).copied()));
+        }
+    }
+
+    /// Bakes a mesh into model space; where its node moves, a rigid joint carries it. True if faces are mirrored.
+    fn push_rigid(&mut self, attributes: &Attributes, node: usize) -> bool {
+        let world = self.rig.worlds[node];
+        let determinant = world.matrix3.determinant();
+        let moves = self.rig.moves[node];
+        let flat = determinant.abs() < 1e-18;
+        let inverse_bind = if flat { DAffine3::IDENTITY } else { world.inverse() };
+        let bone = moves.then(|| BoneWeight { joint: self.rigid_joint(node, inverse_bind), weight: 1.0 });
+        let bones = bone.as_slice();
+        let place = if moves && flat { DAffine3::IDENTITY } else { world };
+        let cofactor = cofactor(place.matrix3) * place.matrix3.determinant().signum();
+        for (i, p) in attributes.positions.iter().enumerate() {
+            self.stored.push(place.transform_point3(widen(*p)), attributes.mark(i), bones);
+            let normal = attributes.normals.get(i).map(|n| (cofactor * widen(*n)).normalize_or_zero().as_vec3().to_array());
+            self.stored.dresses.push(attributes.dress(i, normal));
+        }
+        place.matrix3.determinant() < 0.0
+    }
+
+    fn rigid_joint(&mut self, node: usize, inverse_bind: DAffine3) -> u32 {
+        if self.rigid_joints[node] == u32::MAX {
+            self.rigid_joints[node] = self.rig.rig.joints.len() as u32;
+            self.rig.rig.joints.push(Joint { node: node as u32, inverse_bind, skin: None });
+        }
+        self.rigid_joints[node]
+    }
+
+    fn finish(mut self, name: &str, materials: Vec<Material>) -> Result<Model, FormatError> {
+        if let Some(v) = self.stored.positions.iter().position(|p| !p.is_finite()) {
+            return Err(FormatError::NotFinite { what: format!("the position of vertex {v}") });
+        }
+        for skin in 0..self.rig.rig.skins.len() {
+            self.normalise_bind_space(skin);
+        }
+        let all = self.posed_bounds(0..self.stored.positions.len());
+        let origin = assemble::origin_of(all.0, all.1);
+        let mut rig = self.rig.rig;
+        rig.origin = origin;
+        let (mesh, rows) = assemble::assemble(&self.stored, origin, &mut self.report)?;
+        Ok(Model { name: name.into(), mesh, rows, rig, materials, offset: origin, report: self.report })
+    }
+
+    /// Bounds in the pose of the stored node transforms, model space.
+    fn posed_bounds(&self, range: Range<usize>) -> (DVec3, DVec3) {
+        let posed = |v: usize| {
+            let (p, bones) = (self.stored.positions[v], self.stored.bones(v));
+            if bones.is_empty() {
+                return p;
+            }
+            bones.iter().map(|b| self.rest_matrix(b.joint).transform_point3(p) * f64::from(b.weight)).sum()
+        };
+        bounds(range.map(posed))
+    }
+
+    fn rest_matrix(&self, joint: u32) -> DAffine3 {
+        let joint = &self.rig.rig.joints[joint as usize];
+        self.rig.worlds[joint.node as usize] * joint.inverse_bind
+    }
+
+    /// Moves the bind space of a skin near to model space where they differ by a factor of 2 in size or by more than the
+    /// model's diagonal: rest positions then have the size of the posed model (distances at rest mean something) and f32
+    /// suffices. The same similarity goes into the inverse binds, so every pose stays as it is.
+    fn normalise_bind_space(&mut self, skin: usize) {
+        let joints = self.rig.rig.skins[skin].joints.clone();
+        let mut scales: Vec<f64> = joints.iter().map(|&j| self.rest_matrix(j).matrix3.determinant().abs().cbrt()).collect();
+        scales.sort_unstable_by(f64::total_cmp);
+        let median = scales.get(scales.len() / 2).copied().unwrap_or(1.0);
+        let usable = median.is_finite() && median > 1e-12;
+        let scale = if usable && !(0.5..=2.0).contains(&median) { median } else { 1.0 };
+        let ranges: Vec<Range<usize>> = self.skinned.iter().filter(|s| s.0 == skin).map(|s| s.1.clone()).collect();
+        let merge = |a: (DVec3, DVec3), b: (DVec3, DVec3)| (a.0.min(b.0), a.1.max(b.1));
+        let nothing = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let posed = ranges.iter().map(|r| self.posed_bounds(r.clone())).fold(nothing, merge);
+        let bind = bounds(ranges.iter().flat_map(|r| r.clone()).map(|v| self.stored.positions[v] * scale));
+        let apart = ((posed.0 + posed.1) - (bind.0 + bind.1)).length() * 0.5 > (posed.1 - posed.0).length();
+        let shift = if apart { assemble::origin_of(posed.0, posed.1) - assemble::origin_of(bind.0, bind.1) } else { DVec3::ZERO };
+        if (scale == 1.0 && shift == DVec3::ZERO) || !shift.is_finite() {
+            return;
+        }
+        for v in ranges.into_iter().flatten() {
+            self.stored.positions[v] = self.stored.positions[v] * scale + shift;
+        }
+        let back = DAffine3 { matrix3: DMat3::from_diagonal(DVec3::splat(1.0 / scale)), translation: -shift / scale };
+        for joint in joints {
+            let joint = &mut self.rig.rig.joints[joint as usize];
+            joint.inverse_bind = joint.inverse_bind * back;
+        }
+    }
+}
+
+fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(min, max), p| (min.min(p), max.max(p)))
+}
+
+fn widen(p: [f32; 3]) -> DVec3 {
+    DVec3::from_array(p.map(f64::from))
+}
+
+/// Cofactor matrix: how area vectors transform.
+fn cofactor(m: DMat3) -> DMat3 {
+    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+}
+
+/// The texture coordinate set that the material's base colour texture names.
+fn uv_set(root: &json::Root, primitive: &json::mesh::Primitive) -> u32 {
+    let material = primitive.material.and_then(|m| root.materials.get(m.value()));
+    material.and_then(|m| m.pbr_metallic_roughness.base_color_texture.as_ref()).map_or(0, |t| t.tex_coord)
+}
+
+fn read_picture(document: &Document, image: usize, folder: Option<&Path>) -> Result<Texture, String> {
+    let image = &document.root.images[image];
+    match (&image.uri, image.buffer_view) {
+        (Some(uri), _) => decode(&read_uri(uri, folder)?),
+        (None, Some(view)) => decode(document.view(view.value()).map_err(|e| e.to_string())?),
+        (None, None) => Err("it has no data".into()),
+    }
+}
+
+impl Attributes {
+    fn mark(&self, i: usize) -> u32 {
+        self.marks.get(i).copied().unwrap_or(super::stored::NO_MARK)
+    }
+
+    fn dress(&self, i: usize, normal: Option<[f32; 3]>) -> Dress {
+        let usable = |n: &[f32; 3]| n.iter().all(|x| x.is_finite()) && n.iter().any(|&x| x != 0.0);
+        let finite = |uv: &[f32; 2]| uv.iter().all(|x| x.is_finite());
+        Dress {
+            uv: self.uvs.get(i).copied().filter(finite).unwrap_or_default(),
+            normal: normal.filter(usable),
+            colour: self.colours.get(i).copied().unwrap_or(super::stored::WHITE),
+        }
+    }
+}
