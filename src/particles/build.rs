@@ -41,12 +41,7 @@ impl ParticleMap {
     /// Particle j reaches vertex i iff they are less than `radius` apart and an edge path within `radius` of either joins
     /// them; the strongest `max_influences` are kept and normalised. A vertex that none reaches gets the nearest
     /// connected one. Pairs are neighbours by the same rule with `neighbours`.
-    pub fn build(
-        mesh: &Mesh,
-        rest: &[DVec3],
-        anchors: &[VertexId],
-        settings: &ParticleSettings,
-    ) -> (Self, BuildReport) {
+    pub fn build(mesh: &Mesh, rest: &[DVec3], anchors: &[VertexId], settings: &ParticleSettings) -> (Self, BuildReport) {
         let mut flood = Flood::default();
         let mut pairs = reached_by_anchors(mesh, rest, anchors, settings.radius, &mut flood);
         reached_from_vertices(mesh, rest, anchors, settings.radius, &mut flood, &mut pairs);
@@ -65,6 +60,17 @@ impl ParticleMap {
     #[inline]
     pub fn is_wound(&self, particle: ParticleId) -> bool {
         self.rest_displacement[particle.index()] != [0.0; 3]
+    }
+
+    /// The mean link length that neighbour weights refer to: recovered from the first link there is, none without links.
+    pub fn mean_link_length(&self, rest: &[DVec3]) -> Option<f64> {
+        let at = |p: ParticleId| rest[self.anchors[p.index()].index()];
+        (0..self.len()).map(ParticleId::new).find_map(|j| {
+            // Links at the least length have a clamped weight, which says nothing.
+            let unclamped = |l: &&Link| f64::from(l.weight) < 0.99 / LEAST_LINK_LENGTH;
+            let link = self.neighbours.row(j.index()).iter().find(unclamped)?;
+            Some(f64::from(link.weight) * at(j).distance(at(link.particle)))
+        })
     }
 
     /// Number of live particles.
@@ -209,13 +215,7 @@ pub(super) fn nearest_connected(mesh: &Mesh, rest: &[DVec3], anchors: &[VertexId
     nearest
 }
 
-fn neighbour_rows(
-    mesh: &Mesh,
-    rest: &[DVec3],
-    anchors: &[VertexId],
-    delta: f64,
-    flood: &mut Flood,
-) -> SlotCsr<Link> {
+fn neighbour_rows(mesh: &Mesh, rest: &[DVec3], anchors: &[VertexId], delta: f64, flood: &mut Flood) -> SlotCsr<Link> {
     let grid = AnchorGrid::build(anchors.iter().map(|a| Some(rest[a.index()])), delta);
     let mut links: Vec<(ParticleId, ParticleId)> = Vec::new();
     for (j, &anchor) in anchors.iter().enumerate() {

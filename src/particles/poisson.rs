@@ -10,6 +10,7 @@
 
 use super::flood::Flood;
 use super::random::draw;
+use super::settings::spacing_for_count;
 use crate::geometry::{Mesh, VertexId};
 use glam::DVec3;
 use std::collections::VecDeque;
@@ -138,29 +139,156 @@ impl PoissonScratch {
     }
 }
 
+/// Samples about `wanted` vertices: searches the spacing (metres), which it returns with the samples. The count is within
+/// a few percent of what is wanted, unless components or vertices are too few to choose from.
+pub fn sample_count(mesh: &Mesh, rest: &[DVec3], wanted: usize, seed: u64) -> (f64, Vec<VertexId>) {
+    let mut scratch = PoissonScratch::default();
+    let mut samples = Vec::new();
+    let mut spacing = spacing_for_count(mesh, rest, wanted);
+    let mut best: (f64, Vec<VertexId>) = (spacing, Vec::new());
+    let off = |count: usize| count.abs_diff(wanted);
+    for round in 0..8 {
+        sample_with(mesh, rest, spacing, seed, &mut scratch, &mut samples);
+        if round == 0 || off(samples.len()) < off(best.1.len()) {
+            best = (spacing, samples.clone());
+        }
+        if 100 * off(best.1.len()) <= wanted {
+            break;
+        }
+        // The count goes with the inverse square of the spacing.
+        spacing *= (samples.len() as f64 / wanted.max(1) as f64).sqrt().clamp(0.25, 4.0);
+    }
+    best
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::particles::test_models;
+    use crate::particles::test_models::{self, Model};
+
+    /// The rule of MATHS 3.1, word by word and slowly, sharing nothing with the sampler.
+    struct Oracle {
+        rest: Vec<DVec3>,
+        edges: Vec<Vec<usize>>,
+        live: Vec<usize>,
+    }
+
+    impl Oracle {
+        fn new((mesh, rest): &Model) -> Self {
+            let mut edges = vec![Vec::new(); rest.len()];
+            for f in mesh.live_faces() {
+                for k in 0..3 {
+                    let (a, b) = (mesh.face(f)[k].index(), mesh.face(f)[(k + 1) % 3].index());
+                    edges[a].push(b);
+                    edges[b].push(a);
+                }
+            }
+            let live = (0..rest.len()).filter(|&v| !edges[v].is_empty()).collect();
+            Self { rest: rest.clone(), edges, live }
+        }
+
+        /// For each vertex, whether a path within `r` of `p` leads to it.
+        fn near(&self, p: usize, r: f64) -> Vec<bool> {
+            let mut is_near = vec![false; self.rest.len()];
+            is_near[p] = true;
+            let mut stack = vec![p];
+            while let Some(v) = stack.pop() {
+                for &w in &self.edges[v] {
+                    if !is_near[w] && self.rest[w].distance(self.rest[p]) <= r {
+                        is_near[w] = true;
+                        stack.push(w);
+                    }
+                }
+            }
+            is_near
+        }
+
+        /// What is wrong with a sample set.
+        fn check(&self, samples: &[VertexId], r: f64) -> Result<(), String> {
+            let near: Vec<Vec<bool>> = (0..self.rest.len()).map(|v| self.near(v, r)).collect();
+            let conflict =
+                |p: usize, q: usize| p != q && self.rest[p].distance_squared(self.rest[q]) < r * r && (near[p][q] || near[q][p]);
+            for p in samples {
+                if let Some(q) = samples.iter().find(|q| conflict(p.index(), q.index())) {
+                    return Err(format!("not valid: {p:?} and {q:?}"));
+                }
+            }
+            for &v in &self.live {
+                let is_sample = samples.contains(&VertexId::new(v));
+                if !is_sample && !samples.iter().any(|s| conflict(v, s.index())) {
+                    return Err(format!("not maximal at {v}"));
+                }
+            }
+            Ok(())
+        }
+    }
+
+    fn models() -> Vec<Model> {
+        vec![
+            test_models::grid(16, 0.8, 7),
+            test_models::sphere(8),
+            test_models::two_sheets(10, 0.02),
+            test_models::fold(22, 0.1),
+            test_models::spikes(18, 0.35),
+        ]
+    }
 
     #[test]
-    fn experiment() {
-        for (n, per) in [(50usize, 26.0f64), (350, 50.0), (350, 20.0), (350, 100.0)] {
-          for jitter in [0.0, 0.5] {
-            let (mesh, rest) = if jitter > 0.0 { test_models::grid(n, jitter, 4) } else { test_models::sphere(n / 2) };
-            let area = if jitter > 0.0 { 1.0 } else { 4.0 * 3.14159 };
-            let edge = test_models::mean_edge(&mesh, &rest);
-            let r = 0.72 * (1.1547 * per * area / rest.len() as f64).sqrt();
-            let mut sc = PoissonScratch::default();
-            let mut out = Vec::new();
-            for seed in 0..4 {
-                let t = std::time::Instant::now();
-                sample_with(&mesh, &rest, r, seed, &mut sc, &mut out);
-                let dt = t.elapsed().as_secs_f64() * 1e3;
-                let ratio = r / (2.0 * area / (3f64.sqrt() * out.len() as f64)).sqrt();
-                println!("n {} v {} r/e {:.2} samples {} ratio {ratio:.4} {dt:.3} ms", n, rest.len(), r / edge, out.len());
+    fn samples_are_valid_and_maximal() {
+        for model in models() {
+            let oracle = Oracle::new(&model);
+            for (seed, r) in [(0, 0.12), (1, 0.2), (2, 0.45), (3, 1.3)] {
+                let samples = sample(&model.0, &model.1, r, seed);
+                oracle.check(&samples, r).unwrap();
+                let mut crowded = samples.clone();
+                let edge = model.0.neighbours(samples[0]).next().unwrap();
+                crowded.push(edge);
+                if model.1[edge.index()].distance(model.1[samples[0].index()]) < r {
+                    assert!(oracle.check(&crowded, r).unwrap_err().contains("valid"));
+                }
+                assert!(oracle.check(&samples[1..], r).unwrap_err().contains("maximal"));
             }
-          }
         }
+    }
+
+    #[test]
+    fn sheets_are_sampled_apart() {
+        let (mesh, rest) = test_models::two_sheets(20, 0.01);
+        let samples = sample(&mesh, &rest, 0.2, 1);
+        let low = samples.iter().filter(|v| v.index() < rest.len() / 2).count();
+        assert!(low > 15 && samples.len() - low > 15, "each sheet has its own samples");
+    }
+
+    #[test]
+    fn the_seed_decides_and_nothing_else() {
+        let (mesh, rest) = test_models::sphere(20);
+        assert_eq!(sample(&mesh, &rest, 0.3, 5), sample(&mesh, &rest, 0.3, 5));
+        assert_ne!(sample(&mesh, &rest, 0.3, 5), sample(&mesh, &rest, 0.3, 6));
+    }
+
+    #[test]
+    fn odd_input_is_survived() {
+        let (mesh, mut rest) = test_models::grid(6, 0.3, 1);
+        assert_eq!(sample(&mesh, &rest, 0.0, 1).len(), rest.len());
+        assert!(sample(&mesh, &rest, f64::NAN, 1).is_empty());
+        assert!(sample(&mesh, &rest, -1.0, 1).is_empty());
+        assert_eq!(sample(&mesh, &rest, f64::INFINITY, 1).len(), 1);
+        rest[5] = DVec3::NAN;
+        assert!(!sample(&mesh, &rest, 0.3, 1).is_empty());
+        assert!(sample(&Mesh::default(), &[], 0.3, 1).is_empty());
+        let coinciding = vec![DVec3::ONE; rest.len()];
+        assert_eq!(sample(&mesh, &coinciding, 0.3, 1).len(), 1);
+    }
+
+    #[test]
+    fn a_wanted_count_is_met() {
+        for wanted in [20, 200, 1000] {
+            let (mesh, rest) = test_models::sphere(40);
+            let (spacing, samples) = sample_count(&mesh, &rest, wanted, 1);
+            assert!(samples.len().abs_diff(wanted) * 20 <= wanted, "{} for {wanted}", samples.len());
+            assert_eq!(samples, sample(&mesh, &rest, spacing, 1));
+        }
+        let (mesh, rest) = test_models::grid(2, 0.0, 1);
+        assert_eq!(sample_count(&mesh, &rest, 1000, 1).1.len(), rest.len());
     }
 }

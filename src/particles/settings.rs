@@ -1,6 +1,8 @@
 //! Plain settings of the soft layer, with their defaults from a model and their rules.
 
-use crate::geometry::Mesh;
+use super::build::sigmoid_weight;
+use super::particle_map::ParticleMap;
+use crate::geometry::{Mesh, ParticleId, VertexId};
 use glam::DVec3;
 use thiserror::Error;
 
@@ -60,7 +62,9 @@ pub enum SettingsError {
         value: f64,
     },
     /// `radius` does not exceed `spacing`, so vertices between particles would be left without one.
-    #[error("the radius of influence {radius} must be above the spacing {spacing}; give a larger --radius or a smaller --spacing")]
+    #[error(
+        "the radius of influence {radius} must be above the spacing {spacing}; give a larger --radius or a smaller --spacing"
+    )]
     RadiusBelowSpacing {
         /// Radius of influence, metres.
         radius: f64,
@@ -133,6 +137,22 @@ impl ParticleSettings {
     /// Longest link that a map update makes or looks for, metres.
     pub(super) fn reach(&self) -> f64 {
         self.radius.max(self.neighbours)
+    }
+
+    /// Radius of influence of a particle, metres.
+    pub fn radius_of(&self, map: &ParticleMap, particle: ParticleId) -> f64 {
+        if map.is_wound(particle) { self.wound.radius.min(self.radius) } else { self.radius }
+    }
+
+    /// Weight of a particle at a vertex before normalisation; 0 if it is retired or out of reach.
+    pub fn weight(&self, map: &ParticleMap, rest: &[DVec3], v: VertexId, particle: ParticleId) -> f64 {
+        let anchor = map.anchors[particle.index()];
+        if anchor.is_none() {
+            return 0.0;
+        }
+        let distance = rest[anchor.index()].distance(rest[v.index()]);
+        let strength = if map.is_wound(particle) { self.wound.strength } else { 1.0 };
+        strength * sigmoid_weight(distance, self.radius_of(map, particle))
     }
 }
 

@@ -156,10 +156,7 @@ mod tests {
 
     /// A strip in the plane y = 0 from x = 0 to 1, tip at z = -1, base at z = 0; side +1 is towards -y.
     fn strip(d: f64) -> StripGeometry {
-        StripGeometry::new(
-            [DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 0.0), DVec3::ZERO],
-            d,
-        )
+        StripGeometry::new([DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 0.0), DVec3::ZERO], d)
     }
 
     fn point(at: DVec3) -> LinkEnd {

@@ -176,7 +176,9 @@ impl Strips {
         // A known side may stand against geometry, so those strips are tested wherever the segment lies.
         let known = self.lip_sides(a).iter().chain(self.lip_sides(b));
         let last = self.len();
-        !known.flat_map(|l| (l.strip as usize).saturating_sub(1)..(l.strip as usize + 2).min(last)).any(|k| self.crosses(k, rest, a, b))
+        !known
+            .flat_map(|l| (l.strip as usize).saturating_sub(1)..(l.strip as usize + 2).min(last))
+            .any(|k| self.crosses(k, rest, a, b))
     }
 
     /// True if the link between two vertices crosses strip `k`.
@@ -206,6 +208,13 @@ impl Strips {
     /// The extended geometry of strip `k`.
     pub fn geometry(&self, k: usize) -> &StripGeometry {
         &self.geometry[k]
+    }
+
+    /// Strips whose extended bounds meet a box, sorted, into `out` (cleared first).
+    pub fn near(&self, low: DVec3, high: DVec3, out: &mut Vec<u32>) {
+        out.clear();
+        out.extend(self.bvh.intersect_aabb(&aabb(low, high)));
+        out.sort_unstable();
     }
 
     /// First strip of the slit that strip `k` belongs to.
@@ -238,11 +247,7 @@ impl Strips {
 
     /// Everything changed since the last call.
     pub fn take_delta(&mut self) -> StripsDelta {
-        StripsDelta {
-            strips: self.strips.take_delta(),
-            lips: self.lips.take_delta(),
-            wounds: self.wounds.take_delta(),
-        }
+        StripsDelta { strips: self.strips.take_delta(), lips: self.lips.take_delta(), wounds: self.wounds.take_delta() }
     }
 
     /// Goes back by the newest delta and returns the way forward.

@@ -84,6 +84,14 @@ pub fn fold(n: usize, gap: f64) -> Model {
     (mesh, rest)
 }
 
+/// The unit square with every vertex lifted at random by up to `height`: folds at the scale of the edges, where paths near
+/// one end of a pair and near the other differ.
+pub fn spikes(n: usize, height: f64) -> Model {
+    let (mesh, rest) = grid(n, 0.5, 9);
+    let lift = |i: usize| DVec3::Z * (height * noise(77 + i as u64));
+    (mesh, rest.into_iter().enumerate().map(|(i, p)| p + lift(i)).collect())
+}
+
 /// The unit sphere: an octahedron, each face split into `n` x `n`.
 pub fn sphere(n: usize) -> Model {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
