@@ -242,3 +242,121 @@ fn neighbour_rows(mesh: &Mesh, rest: &[DVec3], anchors: &[VertexId], delta: f64,
     entries.sort_unstable_by_key(|e| (e.0, e.1.particle));
     SlotCsr::from_pairs(anchors.len(), &entries)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::test_models::{self, Model};
+    use crate::particles::{Strips, sample};
+
+    /// The sheet rule by walking fans.
+    fn joined(mesh: &Mesh, rest: &[DVec3], p: VertexId, q: VertexId, radius: f64) -> bool {
+        let path = |from: VertexId, to: VertexId| {
+            let mut found = vec![from];
+            let mut next = 0;
+            while next < found.len() {
+                let v = found[next];
+                next += 1;
+                for w in mesh.neighbours(v) {
+                    if !found.contains(&w) && rest[w.index()].distance(rest[from.index()]) <= radius {
+                        found.push(w);
+                    }
+                }
+            }
+            found.contains(&to)
+        };
+        p == q || (rest[p.index()].distance_squared(rest[q.index()]) < radius * radius && (path(p, q) || path(q, p)))
+    }
+
+    fn check(model: &Model, settings: &ParticleSettings) -> usize {
+        let (mesh, rest) = model;
+        let anchors = sample(mesh, rest, settings.spacing, 2);
+        let (map, report) = ParticleMap::build(mesh, rest, &anchors, settings);
+        map.validate(mesh, rest, &Strips::default()).unwrap();
+        assert_eq!((report.unreached, report.truncation_error), (0, 0.0));
+        let mut near_only = 0;
+        for v in mesh.live_vertices() {
+            for (j, &anchor) in anchors.iter().enumerate() {
+                let is_linked = map.influences.row(v.index()).iter().any(|e| e.particle.index() == j);
+                assert_eq!(is_linked, joined(mesh, rest, v, anchor, settings.radius), "{v:?} {j}");
+                let distance = rest[v.index()].distance(rest[anchor.index()]);
+                near_only += usize::from(!is_linked && distance < settings.radius);
+            }
+        }
+        for (j, &a) in anchors.iter().enumerate() {
+            for (k, &b) in anchors.iter().enumerate().filter(|(k, _)| *k != j) {
+                let is_linked = map.neighbours.row(j).iter().any(|l| l.particle.index() == k);
+                assert_eq!(is_linked, joined(mesh, rest, a, b, settings.neighbours));
+            }
+        }
+        near_only
+    }
+
+    #[test]
+    fn influences_and_neighbours_are_those_of_the_sheet_rule() {
+        let settings = |spacing: f64| ParticleSettings { max_influences: 16, ..ParticleSettings::with_spacing(spacing) };
+        assert_eq!(check(&test_models::grid(12, 0.3, 1), &settings(0.25)), 0);
+        for model in [test_models::two_sheets(8, 0.02), test_models::fold(14, 0.1)] {
+            assert!(check(&model, &settings(0.3)) > 0, "distance alone must not pass for the rule");
+        }
+        check(&test_models::spikes(10, 0.4), &settings(0.3));
+    }
+
+    #[test]
+    fn weights_fall_smoothly_from_one_to_zero() {
+        assert_eq!((sigmoid_weight(0.0, 2.0), sigmoid_weight(2.0, 2.0), sigmoid_weight(3.0, 2.0)), (1.0, 0.0, 0.0));
+        assert!((sigmoid_weight(1.0, 2.0) - 0.5).abs() < 1e-15);
+        let steps: Vec<f64> = (0..=100).map(|i| sigmoid_weight(f64::from(i) * 0.01, 1.0)).collect();
+        assert!(steps.is_sorted_by(|a, b| a >= b) && 1.0 - steps[1] < 1e-4 && steps[99] < 1e-4);
+    }
+
+    #[test]
+    fn truncation_is_reported_and_small_by_default() {
+        let (mesh, rest) = test_models::grid(50, 0.5, 1);
+        let settings = ParticleSettings::with_spacing(0.1);
+        let anchors = sample(&mesh, &rest, settings.spacing, 2);
+        let (map, report) = ParticleMap::build(&mesh, &rest, &anchors, &settings);
+        assert!(report.truncation_error < 0.02, "{report:?}");
+        assert!((0..rest.len()).all(|v| map.influences.row(v).len() <= 8));
+        let few = ParticleSettings { max_influences: 2, ..settings };
+        assert!(ParticleMap::build(&mesh, &rest, &anchors, &few).1.truncation_error > 0.2);
+    }
+
+    #[test]
+    fn links_have_mean_weight_one_at_the_mean_length_and_stay_finite() {
+        let (mesh, rest) = test_models::grid(20, 0.5, 1);
+        let mut rest = rest;
+        let settings = ParticleSettings::with_spacing(0.2);
+        let anchors = sample(&mesh, &rest, settings.spacing, 2);
+        rest[anchors[1].index()] = rest[anchors[0].index()];
+        let (map, _) = ParticleMap::build(&mesh, &rest, &anchors, &settings);
+        let mut product = Vec::new();
+        for j in 0..map.len() {
+            for l in map.neighbours.row(j) {
+                let length = rest[anchors[j].index()].distance(rest[anchors[l.particle.index()].index()]);
+                product.push(length * f64::from(l.weight));
+                assert!(l.weight.is_finite() && l.weight <= 20.0);
+            }
+        }
+        let mean = map.mean_link_length(&rest).unwrap();
+        let off = product.iter().filter(|p| (*p - mean).abs() > 1e-5 * mean).count();
+        assert!(off <= 2, "all but the coinciding pair are inverse to the length");
+    }
+
+    #[test]
+    fn unreached_vertices_get_the_nearest_connected_particle() {
+        let (mesh, rest) = test_models::two_sheets(10, 0.01);
+        let settings = ParticleSettings::with_spacing(0.1);
+        let anchors = [VertexId(0), VertexId(120)];
+        let (map, report) = ParticleMap::build(&mesh, &rest, &anchors, &settings);
+        assert!(report.unreached > 50);
+        for v in 0..121 {
+            let nearer = if rest[v].distance(rest[0]) < rest[v].distance(rest[120]) { 0 } else { 1 };
+            let row = map.influences.row(v);
+            assert_eq!(row.len(), 1);
+            let slack = (rest[v].distance(rest[0]) - rest[v].distance(rest[120])).abs() < 0.4;
+            assert!(row[0].particle.index() == nearer || slack, "edge paths may be longer than the straight line");
+        }
+        assert!((121..242).all(|v| map.influences.row(v).is_empty()), "the other sheet has no particle");
+    }
+}

@@ -2,7 +2,9 @@
 
 pub mod anchor_grid;
 pub mod build;
+pub mod extract;
 pub mod flood;
+pub mod map_json;
 pub mod map_update;
 pub mod particle_map;
 pub mod poisson;
@@ -18,6 +20,7 @@ mod work_rows;
 mod wound;
 
 pub use build::{BuildReport, sigmoid_weight};
+pub use map_json::{MapJson, map_json};
 pub use map_update::{LipVertex, MapEdit, MapUpdateReport, NewVertex, UpdateScratch, update_after_edit};
 pub use particle_map::{Influence, Link, ParticleMap, ParticleMapDelta};
 pub use poisson::{PoissonScratch, sample, sample_count, sample_with};
