@@ -1,5 +1,32 @@
 //! The soft layer: sampling, the particle map, strips, the update after a wound (MATHS 3).
 
+pub mod anchor_grid;
+pub mod build;
+pub mod extract;
+pub mod flood;
+pub mod map_json;
+pub mod map_update;
 pub mod particle_map;
+pub mod poisson;
+pub mod quality;
+pub mod random;
+pub mod settings;
+pub mod strip_test;
+pub mod strips;
+#[cfg(test)]
+mod test_models;
+pub mod validate;
+mod work_rows;
+mod wound;
 
+pub use build::{BuildReport, sigmoid_weight};
+pub use map_json::{MapJson, map_json};
+pub use map_update::{LipVertex, MapEdit, MapUpdateReport, NewVertex, UpdateScratch, update_after_edit};
 pub use particle_map::{Influence, Link, ParticleMap, ParticleMapDelta};
+pub use poisson::{PoissonScratch, sample, sample_count, sample_with};
+pub use quality::{SampleQuality, sample_quality};
+pub use settings::{ParticleSettings, SettingsError, WoundSettings};
+pub use strips::{LipSide, Strip, StripError, Strips, StripsDelta, WoundMark};
+
+#[cfg(test)]
+mod update_tests;

@@ -1,0 +1,516 @@
+//! The Particle Update Algorithm: mending the particle map after a wound, near the wound only (MATHS 3.2, 3.3).
+//!
+//! Links that were there are kept unless they cross a new strip; links that are new are tested against every strip.
+//! Stages: lips, zone, links cut, new vertices, clipped anchors, regained links, neighbours, wound particles, orphans,
+//! write. Rows are worked on in scratch and written once, and only where they differ.
+
+use super::build::{link_weight, normalise};
+use super::flood::Flood;
+use super::particle_map::{Influence, Link, ParticleMap};
+use super::settings::ParticleSettings;
+use super::strips::Strips;
+use super::work_rows::WorkRows;
+use super::wound;
+use crate::geometry::{Mesh, ParticleId, VertexId};
+use glam::DVec3;
+use std::ops::Range;
+
+/// Influences a row may hold beyond [`ParticleSettings::max_influences`] after updates: room for wound particles, so that
+/// they push out no link that was there.
+pub const EXTRA_INFLUENCES: usize = 8;
+
+/// A vertex that an edit made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NewVertex {
+    /// The vertex.
+    pub vertex: VertexId,
+    /// What it was made from: the ends of the edge it cuts, the corners of the face it pierces, or the vertex it is a copy
+    /// of. [`VertexId::NONE`] where unused. A parent that is new itself comes earlier in the list.
+    pub parents: [VertexId; 3],
+}
+
+/// A vertex on the lip of a slit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LipVertex {
+    /// The vertex.
+    pub vertex: VertexId,
+    /// Index of the strip.
+    pub strip: usize,
+    /// +1 on the side of the strip's normal `(tip1 - tip0) x (base - tip)`, -1 on the other.
+    pub side: i8,
+}
+
+/// What an edit did to the mesh, as far as the particle map needs to know. All slices may be empty.
+#[derive(Clone, Debug, Default)]
+pub struct MapEdit<'a> {
+    /// Vertices that the edit made, copies included.
+    pub new_vertices: &'a [NewVertex],
+    /// Vertices that no face uses any more.
+    pub removed_vertices: &'a [VertexId],
+    /// Strips that the edit made, already pushed to [`Strips`].
+    pub new_strips: Range<usize>,
+    /// Vertices on the lips of the new strips, those of both triangulation passes.
+    pub lips: &'a [LipVertex],
+}
+
+/// What [`update_after_edit`] did.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct MapUpdateReport {
+    /// Vertices whose influences changed, sorted. New vertices are among them.
+    pub vertices_changed: Vec<VertexId>,
+    /// Particles whose anchor, rest displacement or neighbours changed, sorted. New particles are among them.
+    pub particles_changed: Vec<ParticleId>,
+    /// Particles added, wound particles and others.
+    pub particles_added: Vec<ParticleId>,
+    /// Particles whose anchor was clipped and that found no other.
+    pub retired: Vec<ParticleId>,
+    /// Particles whose anchor was clipped and replaced.
+    pub reanchored: Vec<ParticleId>,
+    /// Neighbour pairs removed since they crossed a new strip or lost an end.
+    pub links_removed: usize,
+    /// Influences removed since they crossed a new strip.
+    pub influences_removed: usize,
+    /// Vertices that the update looked at.
+    pub vertices_visited: usize,
+}
+
+/// Scratch of [`update_after_edit`], kept between updates.
+#[derive(Clone, Debug, Default)]
+pub struct UpdateScratch {
+    pub(super) flood: Flood,
+    rows: WorkRows,
+    /// Live and clipped particles near the wound, sorted.
+    pub(super) near: Vec<ParticleId>,
+    zone: Vec<VertexId>,
+    starts: Vec<VertexId>,
+    near_strips: Vec<u32>,
+    work: Vec<VertexId>,
+    weighted: Vec<(f64, ParticleId)>,
+    links: Vec<Link>,
+    /// Particles whose links are to be found: new and re-anchored ones.
+    unlinked: Vec<ParticleId>,
+}
+
+/// Mends `map` and `strips` after an edit of `mesh`. `rest` has a position for every vertex slot, removed ones included.
+/// `settings` are those the map was built with, or near.
+pub fn update_after_edit(
+    mesh: &Mesh,
+    rest: &[DVec3],
+    map: &mut ParticleMap,
+    strips: &mut Strips,
+    edit: &MapEdit<'_>,
+    settings: &ParticleSettings,
+    scratch: &mut UpdateScratch,
+) -> MapUpdateReport {
+    let mut update = Update { mesh, rest, map, strips, edit, settings, scratch, report: MapUpdateReport::default() };
+    update.mark_lips();
+    if update.find_zone() {
+        update.cut_influences();
+        update.give_new_vertices_rows();
+        update.move_clipped_anchors();
+        update.regain();
+        update.cut_neighbours();
+        wound::add_particles(&mut update);
+        update.link_particles();
+        update.adopt_orphans();
+        update.write_rows();
+    }
+    update.finish()
+}
+
+/// One update under way.
+pub(super) struct Update<'a, 'e> {
+    pub(super) mesh: &'a Mesh,
+    pub(super) rest: &'a [DVec3],
+    pub(super) map: &'a mut ParticleMap,
+    pub(super) strips: &'a mut Strips,
+    pub(super) edit: &'a MapEdit<'e>,
+    pub(super) settings: &'a ParticleSettings,
+    pub(super) scratch: &'a mut UpdateScratch,
+    pub(super) report: MapUpdateReport,
+}
+
+impl Update<'_, '_> {
+    /// Lips given by the edit, and new vertices whose parents are all on one lip: they are on it too.
+    fn mark_lips(&mut self) {
+        for new in self.edit.new_vertices {
+            let mut parents = new.parents.into_iter().filter(|p| p.is_some());
+            let Some(first) = parents.next() else { continue };
+            let mut common = self.strips.lip_sides(first).to_vec();
+            for parent in parents {
+                common.retain(|lip| self.strips.lip_sides(parent).contains(lip));
+            }
+            for lip in common {
+                self.strips.set_lip(new.vertex, lip.strip as usize, lip.side as i8);
+            }
+        }
+        let strips = self.strips.len();
+        for lip in self.edit.lips.iter().filter(|l| l.strip < strips) {
+            self.strips.set_lip(lip.vertex, lip.strip, lip.side);
+        }
+    }
+
+    /// Collects the particles, vertices and strips that the edit may concern. False if it concerns nothing.
+    ///
+    /// A link is shorter than the reach, so one that crosses a new strip has both ends within the reach of it. The path
+    /// that joined them stayed within twice that, and what is left of it leads to a start: a vertex the edit touched, or
+    /// the anchor itself.
+    fn find_zone(&mut self) -> bool {
+        self.map.influences.grow_rows(self.mesh.vertex_slots());
+        let Some((low, high)) = self.bounds() else { return false };
+        let (map, rest) = (&*self.map, self.rest);
+        let s = &mut *self.scratch;
+        if self.strips.anchors.is_empty() {
+            let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
+            self.strips.anchors = super::anchor_grid::AnchorGrid::build(positions, self.settings.reach());
+        }
+        let (near_low, near_high) = (low - self.settings.reach(), high + self.settings.reach());
+        s.near.clear();
+        self.strips.anchors.visit(near_low, near_high, |j| {
+            if let Some(anchor) = map.anchors.get(j.index()).filter(|a| a.is_some())
+                && is_within(rest[anchor.index()], near_low, near_high)
+            {
+                s.near.push(j);
+            }
+        });
+        s.near.sort_unstable();
+        s.near.dedup();
+        self.strips.near(low - 2.0 * self.settings.reach(), high + 2.0 * self.settings.reach(), &mut s.near_strips);
+        s.starts.clear();
+        s.starts.extend(s.near.iter().map(|j| map.anchors[j.index()]));
+        s.starts
+            .extend(self.edit.new_vertices.iter().flat_map(|n| n.parents.into_iter().chain([n.vertex])).filter(|v| v.is_some()));
+        let radius = self.settings.radius;
+        let (wide_low, wide_high) = (low - 2.0 * radius, high + 2.0 * radius);
+        s.flood.run(self.mesh, &s.starts, |v| is_within(rest[v.index()], wide_low, wide_high));
+        self.report.vertices_visited = s.flood.reached.len();
+        let (zone_low, zone_high) = (low - radius, high + radius);
+        s.zone.clear();
+        s.zone.extend(s.flood.reached.iter().filter(|v| is_within(rest[v.index()], zone_low, zone_high)));
+        s.rows.begin(self.mesh.vertex_slots());
+        s.unlinked.clear();
+        true
+    }
+
+    /// Bounds of the new strips, extended, and of all vertices made or removed.
+    fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let mut bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        let mut grow = |low: DVec3, high: DVec3| bounds = (bounds.0.min(low), bounds.1.max(high));
+        for k in self.edit.new_strips.clone().filter(|&k| k < self.strips.len()) {
+            grow(self.strips.geometry(k).low, self.strips.geometry(k).high);
+        }
+        let touched = self.edit.new_vertices.iter().map(|n| n.vertex).chain(self.edit.removed_vertices.iter().copied());
+        for v in touched {
+            grow(self.rest[v.index()], self.rest[v.index()]);
+        }
+        (bounds.0.cmple(bounds.1).all()).then_some(bounds)
+    }
+
+    /// Influences of old vertices that cross a new strip.
+    fn cut_influences(&mut self) {
+        let new_strips = self.edit.new_strips.start.min(self.strips.len())..self.edit.new_strips.end.min(self.strips.len());
+        let s = &mut *self.scratch;
+        for &v in &s.zone {
+            if self.map.influences.row(v.index()).is_empty() {
+                s.rows.open(v, self.map); // nobody holds it: see adopt_orphans
+            }
+            for influence in self.map.influences.row(v.index()) {
+                let anchor = self.map.anchors[influence.particle.index()];
+                if self.strips.crosses_any(new_strips.clone(), self.rest, v, anchor) {
+                    s.rows.open(v, self.map).remove(influence.particle);
+                    self.report.influences_removed += 1;
+                }
+            }
+        }
+    }
+
+    /// Rows of new vertices: what reached their parents and still connects.
+    fn give_new_vertices_rows(&mut self) {
+        let mut candidates = Vec::new();
+        for new in self.edit.new_vertices.iter().filter(|n| self.mesh.vertex_is_live(n.vertex)) {
+            candidates.clear();
+            for parent in new.parents.into_iter().filter(|p| p.is_some()) {
+                candidates.extend_from_slice(self.scratch.rows.inherited(parent));
+                candidates.extend(self.map.influences.row(parent.index()).iter().map(|e| e.particle));
+            }
+            candidates.sort_unstable();
+            candidates.dedup();
+            self.scratch.rows.open_new(new.vertex, &candidates);
+            for &j in &candidates {
+                if self.may_link(new.vertex, j) {
+                    self.scratch.rows.open(new.vertex, self.map).add(j);
+                }
+            }
+        }
+    }
+
+    /// True if `j` is near enough to move `v` and no strip lies between them.
+    fn may_link(&self, v: VertexId, j: ParticleId) -> bool {
+        self.weight(v, j) > 0.0 && self.connects(v, self.map.anchors[j.index()])
+    }
+
+    /// Weight of `j` at `v` before normalisation; 0 out of reach or retired.
+    fn weight(&self, v: VertexId, j: ParticleId) -> f64 {
+        self.settings.weight(self.map, self.rest, v, j)
+    }
+
+    /// True if no strip near the wound lies between two vertices.
+    fn connects(&self, a: VertexId, b: VertexId) -> bool {
+        !self.scratch.near_strips.iter().any(|&k| self.strips.crosses(k as usize, self.rest, a, b))
+    }
+
+    /// Particles whose anchor was clipped take the nearest vertex that they still hold, if it is near, on their side of
+    /// every strip and no anchor yet; else they retire.
+    fn move_clipped_anchors(&mut self) {
+        let clipped = |j: &ParticleId| !self.mesh.vertex_is_live(self.map.anchors[j.index()]);
+        let clipped: Vec<ParticleId> = self.scratch.near.iter().copied().filter(clipped).collect();
+        for j in clipped {
+            let old = self.map.anchors[j.index()];
+            let mut best = (self.settings.spacing, VertexId::NONE);
+            let mut holds = Vec::new();
+            for i in 0..self.scratch.zone.len() {
+                let v = self.scratch.zone[i];
+                if !self.scratch.rows.holds(v, j, self.map) {
+                    continue;
+                }
+                holds.push(v);
+                let distance = self.rest[v.index()].distance(self.rest[old.index()]);
+                if (distance, v) < best && self.connects(v, old) && !self.is_anchor(v) {
+                    best = (distance, v);
+                }
+            }
+            for v in holds {
+                self.scratch.rows.open(v, self.map).remove(j);
+            }
+            self.unlink(j);
+            self.map.anchors.set(j.index(), best.1);
+            if best.1.is_some() {
+                self.strips.anchors.insert(j, self.rest[best.1.index()]);
+                self.scratch.unlinked.push(j);
+                self.report.reanchored.push(j);
+            } else {
+                self.map.rest_displacement.set(j.index(), [0.0; 3]);
+                self.report.retired.push(j);
+            }
+            self.report.particles_changed.push(j);
+        }
+        let map = &*self.map;
+        self.scratch.near.retain(|j| map.anchors[j.index()].is_some());
+    }
+
+    /// True if a particle near the wound is anchored to `v`.
+    pub(super) fn is_anchor(&self, v: VertexId) -> bool {
+        self.scratch.near.iter().any(|j| self.map.anchors[j.index()] == v)
+    }
+
+    /// Rows that lost links and new rows take what reaches the vertices next to them: links that the limit had cut off,
+    /// and those that no parent had.
+    fn regain(&mut self) {
+        let limit = self.settings.max_influences;
+        self.scratch.rows.list(&mut self.scratch.work);
+        let mut next = 0;
+        while next < self.scratch.work.len() {
+            let v = self.scratch.work[next];
+            next += 1;
+            let mut gained = false;
+            for n in self.mesh.neighbours(v) {
+                for i in 0.. {
+                    let Some(j) = self.scratch.rows.particle(n, i, self.map) else { break };
+                    let has_room = self.scratch.rows.open(v, self.map).len() < limit;
+                    if has_room && !self.scratch.rows.holds(v, j, self.map) && self.may_link(v, j) {
+                        self.scratch.rows.open(v, self.map).add(j);
+                        gained = true;
+                    }
+                }
+            }
+            if gained {
+                let s = &mut *self.scratch;
+                s.work.extend(self.mesh.neighbours(v).filter(|&n| s.rows.is_open(n)));
+            }
+        }
+    }
+
+    /// Neighbour links that cross a new strip.
+    fn cut_neighbours(&mut self) {
+        let new_strips = self.edit.new_strips.start.min(self.strips.len())..self.edit.new_strips.end.min(self.strips.len());
+        for i in 0..self.scratch.near.len() {
+            let j = self.scratch.near[i];
+            let anchor = self.map.anchors[j.index()];
+            let row = self.map.neighbours.row(j.index());
+            let cut = |link: &Link| {
+                let other = self.map.anchors[link.particle.index()];
+                self.strips.crosses_any(new_strips.clone(), self.rest, anchor, other)
+            };
+            let links = &mut self.scratch.links;
+            links.clear();
+            links.extend(row.iter().filter(|&link| !cut(link)));
+            let removed = row.len() - links.len();
+            if removed > 0 {
+                let both_ends = row.iter().filter(|link| cut(link) && link.particle > j).count();
+                self.map.neighbours.set_row(j.index(), &self.scratch.links);
+                self.report.links_removed += both_ends;
+                self.report.particles_changed.push(j);
+            }
+        }
+    }
+
+    /// Removes a particle from its neighbours' rows and clears its own.
+    fn unlink(&mut self, j: ParticleId) {
+        let row = self.map.neighbours.row(j.index()).to_vec();
+        for link in &row {
+            let k = link.particle;
+            let links = &mut self.scratch.links;
+            links.clear();
+            links.extend(self.map.neighbours.row(k.index()).iter().filter(|l| l.particle != j));
+            self.map.neighbours.set_row(k.index(), links);
+            self.report.particles_changed.push(k);
+        }
+        if !row.is_empty() {
+            self.map.neighbours.set_row(j.index(), &[]);
+            self.report.links_removed += row.len();
+        }
+    }
+
+    /// Appends a particle; its links are found by [`Update::link_particles`].
+    pub(super) fn add_particle(&mut self, anchor: VertexId, rest_displacement: DVec3) -> ParticleId {
+        let j = ParticleId::new(self.map.anchors.push(anchor));
+        self.map.rest_displacement.push(rest_displacement.to_array());
+        self.map.neighbours.push_row(&[]);
+        self.strips.anchors.insert(j, self.rest[anchor.index()]);
+        self.scratch.near.push(j);
+        self.scratch.unlinked.push(j);
+        self.report.particles_added.push(j);
+        self.report.particles_changed.push(j);
+        j
+    }
+
+    /// Finds the influences and neighbours of new and re-anchored particles.
+    fn link_particles(&mut self) {
+        while let Some(j) = self.scratch.unlinked.pop() {
+            let anchor = self.map.anchors[j.index()];
+            self.scratch.flood.ball(self.mesh, self.rest, anchor, self.settings.radius_of(self.map, j));
+            for i in 0..self.scratch.flood.reached.len() {
+                let v = self.scratch.flood.reached[i];
+                if self.may_link(v, j) {
+                    self.scratch.rows.open(v, self.map).add(j);
+                }
+            }
+            self.find_neighbours(j, anchor);
+        }
+    }
+
+    fn find_neighbours(&mut self, j: ParticleId, anchor: VertexId) {
+        let delta = self.settings.neighbours;
+        let mean = self.map.mean_link_length(self.rest).unwrap_or(0.6 * delta);
+        self.scratch.flood.ball(self.mesh, self.rest, anchor, delta);
+        let mut open = Vec::new();
+        for i in 0..self.scratch.near.len() {
+            let k = self.scratch.near[i];
+            let other = self.map.anchors[k.index()];
+            let distance = self.rest[other.index()].distance(self.rest[anchor.index()]);
+            let is_new = k != j && distance < delta && !self.map.neighbours.row(j.index()).iter().any(|l| l.particle == k);
+            if is_new && self.connects(anchor, other) {
+                open.push((k, other, distance, self.scratch.flood.has_reached(other)));
+            }
+        }
+        for (k, other, distance, reached) in open {
+            // The rule is met by a path near either end.
+            if reached || self.scratch.flood.ball(self.mesh, self.rest, other, delta).contains(&anchor) {
+                let weight = link_weight(distance, mean);
+                self.insert_link(j, Link { particle: k, weight });
+                self.insert_link(k, Link { particle: j, weight });
+            }
+        }
+    }
+
+    fn insert_link(&mut self, of: ParticleId, link: Link) {
+        let links = &mut self.scratch.links;
+        links.clear();
+        links.extend_from_slice(self.map.neighbours.row(of.index()));
+        let at = links.partition_point(|l| l.particle < link.particle);
+        links.insert(at, link);
+        self.map.neighbours.set_row(of.index(), links);
+        self.report.particles_changed.push(of);
+    }
+
+    /// Vertices left without a particle get the nearest connected one that no strip parts from them; where there is none
+    /// within reach, a new particle is anchored to the vertex itself.
+    fn adopt_orphans(&mut self) {
+        self.scratch.rows.list(&mut self.scratch.work);
+        let mut next = 0;
+        while next < self.scratch.work.len() {
+            let v = self.scratch.work[next];
+            next += 1;
+            if !self.mesh.vertex_is_live(v) || self.scratch.rows.open(v, self.map).len() > 0 {
+                continue;
+            }
+            match self.nearest_connected(v) {
+                Some(j) => self.scratch.rows.open(v, self.map).add(j),
+                None => {
+                    self.add_particle(v, DVec3::ZERO);
+                    self.link_particles();
+                    self.scratch.rows.list(&mut self.scratch.work);
+                }
+            }
+        }
+    }
+
+    fn nearest_connected(&mut self, v: VertexId) -> Option<ParticleId> {
+        let (p, reach) = (self.rest[v.index()], 2.0 * self.settings.radius);
+        let rest = self.rest;
+        self.scratch.flood.run(self.mesh, &[v], |w| is_within(rest[w.index()], p - reach, p + reach));
+        let connected = self
+            .scratch
+            .near
+            .iter()
+            .copied()
+            .filter(|&j| self.scratch.flood.has_reached(self.map.anchors[j.index()]) && self.may_link(v, j));
+        connected.max_by(|&a, &b| self.weight(v, a).total_cmp(&self.weight(v, b)).then(b.cmp(&a)))
+    }
+
+    /// Writes the rows that differ from the map's.
+    fn write_rows(&mut self) {
+        for &v in self.edit.removed_vertices.iter().filter(|&&v| !self.mesh.vertex_is_live(v)) {
+            if !self.map.influences.row(v.index()).is_empty() {
+                self.map.influences.set_row(v.index(), &[]);
+                self.report.vertices_changed.push(v);
+            }
+        }
+        let limit = self.settings.max_influences + EXTRA_INFLUENCES;
+        let mut row: Vec<Influence> = Vec::new();
+        for i in 0..self.scratch.rows.count() {
+            let v = self.scratch.rows.vertex(i);
+            if !self.mesh.vertex_is_live(v) {
+                continue;
+            }
+            let mut weighted = std::mem::take(&mut self.scratch.weighted);
+            weighted.clear();
+            let particles = self.scratch.rows.particles(i);
+            weighted.extend(particles.iter().map(|&j| (self.weight(v, j), j)));
+            normalise(&mut weighted, if self.scratch.rows.is_new(i) { self.settings.max_influences } else { limit });
+            row.clear();
+            row.extend(weighted.iter().map(|&(w, j)| Influence { particle: j, weight: w as f32 }));
+            if row.is_empty() {
+                // Only links beyond the radius, as a map built from few anchors has: the first stands for all.
+                row.extend(particles.first().map(|&j| Influence { particle: j, weight: 1.0 }));
+            }
+            self.scratch.weighted = weighted;
+            if self.map.influences.row(v.index()) != row.as_slice() {
+                self.map.influences.set_row(v.index(), &row);
+                self.report.vertices_changed.push(v);
+            }
+        }
+    }
+
+    fn finish(mut self) -> MapUpdateReport {
+        self.report.vertices_changed.sort_unstable();
+        self.report.vertices_changed.dedup();
+        self.report.particles_changed.sort_unstable();
+        self.report.particles_changed.dedup();
+        self.report
+    }
+}
+
+fn is_within(p: DVec3, low: DVec3, high: DVec3) -> bool {
+    p.cmpge(low).all() && p.cmple(high).all()
+}

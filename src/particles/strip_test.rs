@@ -1,0 +1,226 @@
+//! Does a straight link cross a strip? Exact predicates on the two triangles of an extended strip (MATHS 3.2).
+
+use glam::DVec3;
+use robust::{Coord3D, orient3d};
+
+/// A strip as it is tested: extended by `d` above the base and `d / 4` below the tip, cut along a fixed diagonal.
+#[derive(Clone, Debug)]
+pub struct StripGeometry {
+    /// `(tip0, tip1, base1)` and `(tip0, base1, base0)`, extended.
+    pub triangles: [[DVec3; 3]; 2],
+    /// Cross product of each triangle's edges: twice its area long, towards side +1.
+    normals: [DVec3; 2],
+    /// Bounds of both triangles.
+    pub low: DVec3,
+    /// Bounds of both triangles.
+    pub high: DVec3,
+}
+
+/// One end of a link: where it is, and the side it is known to be on for lip vertices.
+#[derive(Clone, Copy, Debug)]
+pub struct LinkEnd {
+    /// Rest position.
+    pub at: DVec3,
+    /// Known side of this strip: from the strip itself or from the one before or after it in the slit.
+    pub side: Option<KnownSide>,
+}
+
+/// A side known by birth and not by geometry.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownSide {
+    /// +1 on the side that the strip's normal `(tip1 - tip0) x (base - tip)` points to, -1 on the other.
+    pub side: i8,
+    /// True if the vertex is a lip of the very strip, false if of a strip that shares an edge with it.
+    pub own: bool,
+}
+
+impl StripGeometry {
+    /// From the corners `(tip0, tip1, base1, base0)` and the extension `d`.
+    pub fn new([tip0, tip1, base1, base0]: [DVec3; 4], d: f64) -> Self {
+        let extend = |tip: DVec3, base: DVec3| {
+            let up = (base - tip).normalize_or_zero();
+            (tip - up * (0.25 * d), base + up * d)
+        };
+        let ((tip0, base0), (tip1, base1)) = (extend(tip0, base0), extend(tip1, base1));
+        let triangles = [[tip0, tip1, base1], [tip0, base1, base0]];
+        let normals = triangles.map(|[p, q, s]| (q - p).cross(s - p));
+        let corners = [tip0, tip1, base1, base0];
+        let low = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
+        let high = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
+        Self { triangles, normals, low, high }
+    }
+
+    /// Unit normal towards side +1, zero for a strip without area.
+    pub fn normal(&self) -> DVec3 {
+        (self.normals[0] + self.normals[1]).normalize_or_zero()
+    }
+
+    /// True if the segment from `a` to `b` crosses the strip. A point in the plane of a triangle counts as on side +1.
+    pub fn crosses(&self, a: DVec3, b: DVec3) -> bool {
+        if a.max(b).cmplt(self.low).any() || a.min(b).cmpgt(self.high).any() {
+            return false;
+        }
+        (0..2).any(|t| self.triangle_crosses(t, a, b))
+    }
+
+    /// [`Self::crosses`] for ends that may know their side.
+    pub fn crosses_link(&self, a: LinkEnd, b: LinkEnd) -> bool {
+        match (a.side, b.side) {
+            (None, None) => self.crosses(a.at, b.at),
+            (Some(x), Some(y)) => x.side != y.side,
+            (Some(known), None) => self.lip_crosses(a.at, known, b.at),
+            (None, Some(known)) => self.lip_crosses(b.at, known, a.at),
+        }
+    }
+
+    /// A lip vertex may lie in the strip, or beyond it by rounding or because the slit was cut in a bent pose: there its
+    /// known side stands in for geometry.
+    fn lip_crosses(&self, lip: DVec3, known: KnownSide, x: DVec3) -> bool {
+        let squared = self.triangles.map(|t| distance_squared_to_triangle(lip, t));
+        let nearest = usize::from(squared[1] < squared[0]);
+        let own_height = self.height(nearest, lip).abs();
+        (0..2).any(|t| {
+            if self.side(t, lip) == known.side && self.height(t, lip) != 0.0 {
+                return self.triangle_crosses(t, lip, x);
+            }
+            if known.own && t == nearest {
+                return self.side(t, x) != known.side;
+            }
+            let extent = (self.high - self.low).length();
+            if self.height(t, lip).abs() > 4.0 * own_height + 1e-9 * extent {
+                return self.triangle_crosses(t, lip, x);
+            }
+            self.side(t, x) != known.side && line_meets(self.triangles[t], lip, x)
+        })
+    }
+
+    /// +1 or -1; points in the plane count as +1.
+    fn side(&self, t: usize, x: DVec3) -> i8 {
+        let [p, q, s] = self.triangles[t];
+        if orient(p, q, s, x) <= 0.0 { 1 } else { -1 }
+    }
+
+    /// Distance to the plane of a triangle, signed; 0 for a triangle without area.
+    fn height(&self, t: usize, x: DVec3) -> f64 {
+        self.normals[t].normalize_or_zero().dot(x - self.triangles[t][0])
+    }
+
+    fn triangle_crosses(&self, t: usize, a: DVec3, b: DVec3) -> bool {
+        // Far from the plane on the same side: settled without exact arithmetic. The bound is a thousand roundings.
+        let (n, p) = (self.normals[t], self.triangles[t][0]);
+        let (da, db) = (a - p, b - p);
+        let (ha, hb) = (n.dot(da), n.dot(db));
+        let bound = 1e-13 * n.abs().element_sum() * (da.abs() + db.abs()).element_sum();
+        if (ha > bound && hb > bound) || (ha < -bound && hb < -bound) {
+            return false;
+        }
+        self.side(t, a) != self.side(t, b) && line_meets(self.triangles[t], a, b)
+    }
+}
+
+/// True if the line through `a` and `b` meets the triangle, its border included.
+fn line_meets([p, q, s]: [DVec3; 3], a: DVec3, b: DVec3) -> bool {
+    let signs = [orient(a, b, p, q), orient(a, b, q, s), orient(a, b, s, p)];
+    signs.iter().all(|x| *x >= 0.0) || signs.iter().all(|x| *x <= 0.0)
+}
+
+fn orient(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
+    let coord = |p: DVec3| Coord3D { x: p.x, y: p.y, z: p.z };
+    orient3d(coord(a), coord(b), coord(c), coord(d))
+}
+
+/// Squared distance from a point to a triangle (Ericson, Real-Time Collision Detection, 5.1.5).
+pub fn distance_squared_to_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let (ab, ac, ap) = (b - a, c - a, p - a);
+    let (d1, d2) = (ab.dot(ap), ac.dot(ap));
+    let bp = p - b;
+    let (d3, d4) = (ab.dot(bp), ac.dot(bp));
+    let cp = p - c;
+    let (d5, d6) = (ab.dot(cp), ac.dot(cp));
+    let (va, vb, vc) = (d3 * d6 - d5 * d4, d5 * d2 - d1 * d6, d1 * d4 - d3 * d2);
+    let along = |from: DVec3, edge: DVec3| {
+        let length = edge.length_squared();
+        let t = if length > 0.0 { (p - from).dot(edge) / length } else { 0.0 };
+        (p - from - edge * t.clamp(0.0, 1.0)).length_squared()
+    };
+    let sum = va + vb + vc;
+    if va > 0.0 && vb > 0.0 && vc > 0.0 && sum > 0.0 {
+        return (ap - ab * (vb / sum) - ac * (vc / sum)).length_squared();
+    }
+    along(a, ab).min(along(b, c - b)).min(along(a, ac))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A strip in the plane y = 0 from x = 0 to 1, tip at z = -1, base at z = 0; side +1 is towards -y.
+    fn strip(d: f64) -> StripGeometry {
+        StripGeometry::new([DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 0.0), DVec3::ZERO], d)
+    }
+
+    fn point(at: DVec3) -> LinkEnd {
+        LinkEnd { at, side: None }
+    }
+
+    fn lip(at: DVec3, side: i8) -> LinkEnd {
+        LinkEnd { at, side: Some(KnownSide { side, own: true }) }
+    }
+
+    #[test]
+    fn links_cross_within_the_extended_strip_only() {
+        let strip = strip(0.4);
+        let across = |x: f64, z: f64| strip.crosses(DVec3::new(x, -0.1, z), DVec3::new(x, 0.1, z));
+        assert!(across(0.5, -0.5) && across(0.0, -0.5) && across(1.0, -0.5));
+        assert!(across(0.5, 0.39) && !across(0.5, 0.41), "d above the base");
+        assert!(across(0.5, -1.09) && !across(0.5, -1.11), "d / 4 below the tip");
+        assert!(!across(-0.01, -0.5) && !across(1.01, -0.5), "beyond the ends");
+        assert!(!strip.crosses(DVec3::new(0.2, 0.1, -0.5), DVec3::new(0.8, 0.1, -0.4)), "same side");
+    }
+
+    #[test]
+    fn a_point_in_the_plane_is_on_the_positive_side() {
+        let strip = strip(0.0);
+        let on = DVec3::new(0.5, 0.0, -0.25);
+        assert_eq!(strip.normal(), DVec3::NEG_Y);
+        assert!(!strip.crosses(on, DVec3::new(0.5, -0.1, -0.25)));
+        assert!(strip.crosses(on, DVec3::new(0.5, 0.1, -0.25)));
+    }
+
+    #[test]
+    fn a_lip_keeps_its_side_whatever_its_position() {
+        let strip = strip(0.4);
+        for y in [0.0, 1e-4, -1e-4, 1e-17] {
+            let at = DVec3::new(0.5, y, -0.25);
+            for (side, same, other) in [(1, -0.1, 0.1), (-1, 0.1, -0.1)] {
+                assert!(!strip.crosses_link(lip(at, side), point(DVec3::new(0.6, same, -0.2))), "{y} {side}");
+                assert!(strip.crosses_link(lip(at, side), point(DVec3::new(0.6, other, -0.2))), "{y} {side}");
+                assert!(!strip.crosses_link(lip(at, side), lip(at, side)));
+                assert!(strip.crosses_link(lip(at, side), lip(at, -side)));
+            }
+        }
+        let wrong = DVec3::new(0.5, 1e-4, -0.25);
+        assert!(strip.crosses(wrong, DVec3::new(0.6, -0.1, -0.2)), "geometry alone takes the lip for the other side");
+    }
+
+    #[test]
+    fn a_lip_reaches_around_the_end_of_a_slit() {
+        let strip = strip(0.4);
+        let side = lip(DVec3::new(0.99, -0.05, -0.25), 1);
+        assert!(!strip.crosses_link(side, point(DVec3::new(1.2, 0.05, -0.25))));
+        assert!(strip.crosses_link(side, point(DVec3::new(0.9, 0.05, -0.25))));
+    }
+
+    #[test]
+    fn distance_to_a_triangle() {
+        let triangle = [DVec3::ZERO, DVec3::X, DVec3::Y];
+        for (p, expected) in [
+            (DVec3::new(0.2, 0.2, 3.0), 9.0),
+            (DVec3::new(-1.0, 0.5, 0.0), 1.0),
+            (DVec3::new(1.0, 1.0, 0.0), 0.5),
+            (DVec3::new(2.0, -1.0, 0.0), 2.0),
+        ] {
+            assert!((distance_squared_to_triangle(p, triangle) - expected).abs() < 1e-12);
+        }
+    }
+}

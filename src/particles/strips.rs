@@ -1,0 +1,420 @@
+//! Strips: what a tear leaves behind so that nothing links across it, now or later (MATHS 3.2).
+//!
+//! A plane cut leaves none: it parts every edge it meets, so what it separates is no longer connected, and the sheet rule
+//! links nothing that is not connected.
+
+use super::anchor_grid::AnchorGrid;
+use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
+use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
+use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
+use parry3d::bounding_volume::Aabb;
+use parry3d::partitioning::Bvh;
+use std::ops::Range;
+use thiserror::Error;
+
+/// One strip: the quad that the blade swept between two samples, in rest space.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Strip {
+    /// `tip0, tip1, base1, base0`, metres: the blade at the earlier sample is `tip0 - base0`, at the later `tip1 - base1`.
+    /// Not extended.
+    pub corners: [[f64; 3]; 4],
+    /// Radius of influence `d` when the strip was made: it is tested extended by `d` above the base, `d / 4` below the tip.
+    pub reach: f64,
+    /// The slit it belongs to. Strips of a slit follow one another; each shares an edge with the one before it.
+    pub slit: u32,
+    /// Zero; keeps the layout explicit.
+    pub padding: u32,
+}
+
+/// Which side of a strip a lip vertex is on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct LipSide {
+    /// Index of the strip.
+    pub strip: u32,
+    /// +1 on the side of the strip's normal `(tip1 - tip0) x (base - tip)`, -1 on the other.
+    pub side: i32,
+}
+
+/// A wound particle of a slit and where along it the particle sits.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct WoundMark {
+    /// The particle.
+    pub particle: ParticleId,
+    /// Index of the strip whose lip it is on.
+    pub strip: u32,
+    /// Distance along the strip from its earlier end, metres.
+    pub along: f64,
+    /// +1 or -1, as [`LipSide::side`].
+    pub side: i32,
+    /// Zero; keeps the layout explicit.
+    pub padding: u32,
+}
+
+/// Why a strip was refused.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum StripError {
+    /// A corner or the reach is not finite, or the reach is negative.
+    #[error("a strip needs finite corners and a finite reach of 0 or more")]
+    NotFinite,
+}
+
+/// All strips of a tissue, its lip vertices and its wound particles' places. Kept for the tissue's life.
+#[derive(Clone, Default)]
+pub struct Strips {
+    pub(super) strips: Tracked<Strip>,
+    /// Row a vertex (rows: as many as the last edit needed).
+    pub(super) lips: SlotCsr<LipSide>,
+    pub(super) wounds: Tracked<WoundMark>,
+    /// Derived from `strips`, one for one; not hashed.
+    geometry: Vec<StripGeometry>,
+    bvh: Bvh,
+    /// Derived from the particle map by the updates; see [`AnchorGrid`].
+    pub(super) anchors: AnchorGrid,
+}
+
+/// What an edit changed in [`Strips`].
+#[derive(Clone, Debug, Default)]
+pub struct StripsDelta {
+    /// Changes of the strips.
+    pub strips: Delta<Strip>,
+    /// Changes of the lip vertices.
+    pub lips: SlotCsrDelta<LipSide>,
+    /// Changes of the wound particles' places.
+    pub wounds: Delta<WoundMark>,
+}
+
+impl StripsDelta {
+    /// True if nothing changed.
+    pub fn is_empty(&self) -> bool {
+        self.strips.is_empty() && self.lips.is_empty() && self.wounds.is_empty()
+    }
+
+    /// Heap bytes held.
+    pub fn heap_bytes(&self) -> usize {
+        self.strips.heap_bytes() + self.lips.heap_bytes() + self.wounds.heap_bytes()
+    }
+}
+
+impl std::fmt::Debug for Strips {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Strips").field("strips", &self.strips.len()).field("wounds", &self.wounds.len()).finish_non_exhaustive()
+    }
+}
+
+impl Strips {
+    /// Number of strips.
+    pub fn len(&self) -> usize {
+        self.strips.len()
+    }
+
+    /// True if there are none.
+    pub fn is_empty(&self) -> bool {
+        self.strips.is_empty()
+    }
+
+    /// All strips, oldest first.
+    pub fn as_slice(&self) -> &[Strip] {
+        &self.strips
+    }
+
+    /// Wound particles in the order they were made; some may be retired.
+    pub fn wounds(&self) -> &[WoundMark] {
+        &self.wounds
+    }
+
+    /// Number of the next slit, for [`Strips::push`].
+    pub fn next_slit(&self) -> u32 {
+        self.strips.last().map_or(0, |s| s.slit + 1)
+    }
+
+    /// Adds the strip `(tip0, tip1, base1, base0)` in rest space and returns its index. `reach` is the radius of
+    /// influence `d`; `slit` is the last strip's where this one goes on from it, else [`Strips::next_slit`].
+    pub fn push(&mut self, corners: [DVec3; 4], reach: f64, slit: u32) -> Result<usize, StripError> {
+        if !corners.iter().all(|c| c.is_finite()) || !reach.is_finite() || reach < 0.0 {
+            return Err(StripError::NotFinite);
+        }
+        let index = self.strips.push(Strip { corners: corners.map(|c| c.to_array()), reach, slit, padding: 0 });
+        self.derive();
+        Ok(index)
+    }
+
+    /// The sides that a vertex is known to be on; empty for all but lip vertices.
+    pub fn lip_sides(&self, v: VertexId) -> &[LipSide] {
+        if v.index() < self.lips.rows() { self.lips.row(v.index()) } else { &[] }
+    }
+
+    /// Marks a vertex as a lip of `strip` on `side`. A mark for the same strip is replaced.
+    pub fn set_lip(&mut self, v: VertexId, strip: usize, side: i8) {
+        let new = LipSide { strip: strip as u32, side: i32::from(side.signum()) };
+        if side == 0 || self.lip_sides(v).contains(&new) {
+            return;
+        }
+        self.lips.grow_rows(v.index() + 1);
+        let mut row: Vec<LipSide> = self.lips.row(v.index()).iter().filter(|l| l.strip != new.strip).copied().collect();
+        row.push(new);
+        row.sort_unstable_by_key(|l| l.strip);
+        self.lips.set_row(v.index(), &row);
+    }
+
+    /// True if the segment between two rest positions crosses no strip.
+    pub fn connects(&self, a: DVec3, b: DVec3) -> bool {
+        let query = aabb(a.min(b), a.max(b));
+        !self.bvh.intersect_aabb(&query).any(|k| self.geometry[k as usize].crosses(a, b))
+    }
+
+    /// [`Strips::connects`] for two vertices: lip vertices are tested by their known side.
+    pub fn connects_vertices(&self, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
+        let (p, q) = (rest[a.index()], rest[b.index()]);
+        let query = aabb(p.min(q), p.max(q));
+        if self.bvh.intersect_aabb(&query).any(|k| self.crosses(k as usize, rest, a, b)) {
+            return false;
+        }
+        // A known side may stand against geometry, so those strips are tested wherever the segment lies.
+        let known = self.lip_sides(a).iter().chain(self.lip_sides(b));
+        let last = self.len();
+        !known
+            .flat_map(|l| (l.strip as usize).saturating_sub(1)..(l.strip as usize + 2).min(last))
+            .any(|k| self.crosses(k, rest, a, b))
+    }
+
+    /// True if the link between two vertices crosses strip `k`.
+    pub fn crosses(&self, k: usize, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
+        let end = |v: VertexId| LinkEnd { at: rest[v.index()], side: self.known_side(k, v) };
+        self.geometry[k].crosses_link(end(a), end(b))
+    }
+
+    /// True if the link between two vertices crosses one of `range`.
+    pub fn crosses_any(&self, range: Range<usize>, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
+        range.into_iter().any(|k| self.crosses(k, rest, a, b))
+    }
+
+    /// Side of strip `k` that `v` is known to be on, from the strip itself or from a neighbour in its slit.
+    fn known_side(&self, k: usize, v: VertexId) -> Option<KnownSide> {
+        let sides = self.lip_sides(v);
+        let own = sides.iter().find(|l| l.strip as usize == k);
+        let found = own.or_else(|| {
+            sides.iter().find(|l| {
+                let m = l.strip as usize;
+                m.abs_diff(k) == 1 && m < self.len() && self.strips[m].slit == self.strips[k].slit
+            })
+        })?;
+        Some(KnownSide { side: found.side as i8, own: own.is_some() })
+    }
+
+    /// The extended geometry of strip `k`.
+    pub fn geometry(&self, k: usize) -> &StripGeometry {
+        &self.geometry[k]
+    }
+
+    /// Strips whose extended bounds meet a box, sorted, into `out` (cleared first).
+    pub fn near(&self, low: DVec3, high: DVec3, out: &mut Vec<u32>) {
+        out.clear();
+        out.extend(self.bvh.intersect_aabb(&aabb(low, high)));
+        out.sort_unstable();
+    }
+
+    /// First strip of the slit that strip `k` belongs to.
+    pub fn slit_start(&self, k: usize) -> usize {
+        (0..=k).rev().take_while(|&i| self.strips[i].slit == self.strips[k].slit).last().unwrap_or(k)
+    }
+
+    /// Forgets derived data about the particles: needed when the map is not the one that the updates saw, as after a
+    /// piece was split off or the particles were sampled anew.
+    pub fn forget_particles(&mut self) {
+        self.anchors = AnchorGrid::default();
+    }
+
+    /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices. `vertices[new]` is the
+    /// old vertex of each of the piece's, `particles` the old particle of each of its new ones.
+    pub fn extract(&self, vertices: &[VertexId], particles: &[ParticleId]) -> Self {
+        let lips = SlotCsr::from_rows(vertices.iter().map(|&v| self.lip_sides(v)));
+        let wounds: Vec<WoundMark> = self
+            .wounds
+            .iter()
+            .filter_map(|m| {
+                let new = particles.iter().position(|&p| p == m.particle)?;
+                Some(WoundMark { particle: ParticleId::new(new), ..*m })
+            })
+            .collect();
+        let mut piece = Self { strips: self.strips.to_vec().into(), lips, wounds: wounds.into(), ..Self::default() };
+        piece.derive();
+        piece
+    }
+
+    /// Everything changed since the last call.
+    pub fn take_delta(&mut self) -> StripsDelta {
+        StripsDelta { strips: self.strips.take_delta(), lips: self.lips.take_delta(), wounds: self.wounds.take_delta() }
+    }
+
+    /// Goes back by the newest delta and returns the way forward.
+    pub fn apply_delta(&mut self, delta: StripsDelta) -> StripsDelta {
+        let inverse = StripsDelta {
+            strips: self.strips.apply(delta.strips),
+            lips: self.lips.apply_delta(delta.lips),
+            wounds: self.wounds.apply(delta.wounds),
+        };
+        self.derive();
+        inverse
+    }
+
+    /// Feeds strips, lips and wound marks into `hash`.
+    pub fn hash_into(&self, hash: &mut StateHash) {
+        self.strips.hash_into(hash);
+        self.lips.hash_into(hash);
+        self.wounds.hash_into(hash);
+    }
+
+    /// Checks that strips are finite, lips and wound marks name strips that exist, and derived data fit. Recomputed.
+    pub fn validate(&self) -> Result<(), String> {
+        for (k, strip) in self.strips.iter().enumerate() {
+            if !strip.corners.iter().flatten().chain([&strip.reach]).all(|x| x.is_finite()) {
+                return Err(format!("strip {k} is not finite"));
+            }
+            let fresh = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
+            if self.geometry.get(k).map(|g| g.triangles) != Some(fresh.triangles) {
+                return Err(format!("strip {k} has stale geometry"));
+            }
+        }
+        if self.geometry.len() != self.len() || self.bvh.leaf_count() as usize != self.len() {
+            return Err(format!("{} strips, {} in the tree", self.len(), self.bvh.leaf_count()));
+        }
+        for v in 0..self.lips.rows() {
+            for lip in self.lips.row(v) {
+                if lip.strip as usize >= self.len() || lip.side.abs() != 1 {
+                    return Err(format!("vertex {v} is a lip on side {} of strip {}", lip.side, lip.strip));
+                }
+            }
+        }
+        match self.wounds.iter().find(|m| m.strip as usize >= self.len() || m.side.abs() != 1) {
+            Some(mark) => Err(format!("wound particle {:?} is on strip {}", mark.particle, mark.strip)),
+            None => Ok(()),
+        }
+    }
+
+    /// Brings derived data in line: strips are only ever appended, or taken away from the end by an undo.
+    fn derive(&mut self) {
+        for k in self.len()..self.geometry.len() {
+            self.bvh.remove(k as u32);
+        }
+        self.geometry.truncate(self.len());
+        for k in self.geometry.len()..self.len() {
+            let strip = &self.strips[k];
+            let geometry = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
+            self.bvh.insert(aabb(geometry.low, geometry.high), k as u32);
+            self.geometry.push(geometry);
+        }
+    }
+}
+
+/// Bounds in f32, rounded outwards.
+fn aabb(low: DVec3, high: DVec3) -> Aabb {
+    let down = |x: f64| (x.clamp(-1e30, 1e30) as f32).next_down();
+    let up = |x: f64| (x.clamp(-1e30, 1e30) as f32).next_up();
+    let mins = Vec3::new(down(low.x), down(low.y), down(low.z));
+    let maxs = Vec3::new(up(high.x), up(high.y), up(high.z));
+    Aabb::new(mins, maxs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::test_models::noise;
+
+    fn quad(x0: f64, x1: f64) -> [DVec3; 4] {
+        [DVec3::new(x0, 0.0, -1.0), DVec3::new(x1, 0.0, -1.0), DVec3::new(x1, 0.0, 0.0), DVec3::new(x0, 0.0, 0.0)]
+    }
+
+    fn hash(strips: &Strips) -> u64 {
+        let mut hash = StateHash::default();
+        strips.hash_into(&mut hash);
+        hash.finish()
+    }
+
+    #[test]
+    fn no_gap_between_consecutive_strips() {
+        let mut strips = Strips::default();
+        for i in 0..7 {
+            strips.push(quad(f64::from(i) * 0.1, f64::from(i + 1) * 0.1), 0.2, 0).unwrap();
+        }
+        for i in 0..500 {
+            let x = 0.7 * noise(i);
+            let joint = 0.1 * (i % 7) as f64;
+            for x in [x, joint] {
+                assert!(!strips.connects(DVec3::new(x, -0.1, -0.5), DVec3::new(x, 0.1, -0.5)));
+            }
+        }
+        assert!(strips.connects(DVec3::new(0.8, -0.1, -0.5), DVec3::new(0.8, 0.1, -0.5)));
+        assert_eq!(strips.slit_start(6), 0);
+    }
+
+    #[test]
+    fn the_tree_finds_what_a_scan_finds() {
+        let mut strips = Strips::default();
+        let random = |i: u64| DVec3::new(noise(3 * i), noise(3 * i + 1), noise(3 * i + 2));
+        for i in 0..60 {
+            let (a, b, up) = (random(10 * i), random(10 * i + 1), random(10 * i + 2) * 0.3);
+            let b = a + (b - a) * 0.2;
+            strips.push([a, b, b + up, a + up], 0.05, i as u32).unwrap();
+        }
+        let mut crossed = 0;
+        for i in 0..400 {
+            let (a, b) = (random(1000 + 2 * i), random(1001 + 2 * i));
+            let b = a + (b - a) * 0.4;
+            let scan = (0..strips.len()).any(|k| strips.geometry(k).crosses(a, b));
+            assert_eq!(strips.connects(a, b), !scan);
+            crossed += usize::from(scan);
+        }
+        assert!((20..380).contains(&crossed), "{crossed}");
+    }
+
+    #[test]
+    fn undo_takes_strips_lips_and_the_tree_back() {
+        let mut strips = Strips::default();
+        strips.push(quad(0.0, 0.1), 0.2, 0).unwrap();
+        strips.set_lip(VertexId(3), 0, 1);
+        strips.take_delta();
+        let before = hash(&strips);
+        strips.push(quad(0.1, 0.2), 0.2, 0).unwrap();
+        strips.set_lip(VertexId(3), 1, 1);
+        strips.set_lip(VertexId(9), 1, -1);
+        let after = hash(&strips);
+        let delta = strips.take_delta();
+        let link = (DVec3::new(0.15, -0.1, -0.5), DVec3::new(0.15, 0.1, -0.5));
+        assert!(!strips.connects(link.0, link.1));
+        let redo = strips.apply_delta(delta);
+        assert!(hash(&strips) == before && before != after);
+        assert!(strips.connects(link.0, link.1));
+        strips.validate().unwrap();
+        strips.apply_delta(redo);
+        assert_eq!(hash(&strips), after);
+        strips.validate().unwrap();
+        assert_eq!(strips.lip_sides(VertexId(3)).len(), 2);
+    }
+
+    #[test]
+    fn bad_strips_are_refused_and_bad_states_found() {
+        let mut strips = Strips::default();
+        let mut bad = quad(0.0, 1.0);
+        bad[2].y = f64::NAN;
+        assert_eq!(strips.push(bad, 0.1, 0), Err(StripError::NotFinite));
+        assert_eq!(strips.push(quad(0.0, 1.0), -1.0, 0), Err(StripError::NotFinite));
+        strips.push(quad(0.0, 1.0), 0.1, 0).unwrap();
+        strips.validate().unwrap();
+        let good = strips.clone();
+        strips.set_lip(VertexId(0), 5, 1);
+        assert!(strips.validate().unwrap_err().contains("lip"));
+        let mut strips = good.clone();
+        strips.wounds.push(WoundMark { particle: ParticleId(0), strip: 4, along: 0.0, side: 1, padding: 0 });
+        assert!(strips.validate().unwrap_err().contains("wound"));
+        let mut strips = good.clone();
+        strips.geometry.clear();
+        assert!(strips.validate().unwrap_err().contains("stale"));
+        let mut strips = good;
+        strips.bvh.remove(0);
+        assert!(strips.validate().unwrap_err().contains("tree"));
+    }
+}

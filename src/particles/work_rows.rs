@@ -1,0 +1,154 @@
+//! Influence rows under work in an update: who holds which vertex, before weights are known.
+
+use super::map_update::EXTRA_INFLUENCES;
+use super::particle_map::ParticleMap;
+use super::settings::MAX_INFLUENCES;
+use crate::geometry::{ParticleId, VertexId};
+
+/// Particles a row may hold while it is worked on; the strongest survive the write.
+const ROOM: usize = 2 * (MAX_INFLUENCES + EXTRA_INFLUENCES);
+
+/// One row under work.
+#[derive(Clone, Debug)]
+pub struct WorkRow {
+    vertex: VertexId,
+    is_new: bool,
+    len: u8,
+    particles: [ParticleId; ROOM],
+    /// For a new vertex: what its parents had, tested or not, for the vertices made from it.
+    inherited: (u32, u32),
+}
+
+impl WorkRow {
+    /// Adds a particle unless it is there or the row is full.
+    pub fn add(&mut self, j: ParticleId) {
+        let len = usize::from(self.len);
+        if len < ROOM && !self.particles[..len].contains(&j) {
+            self.particles[len] = j;
+            self.len += 1;
+        }
+    }
+
+    /// Removes a particle if it is there.
+    pub fn remove(&mut self, j: ParticleId) {
+        let len = usize::from(self.len);
+        if let Some(at) = self.particles[..len].iter().position(|&p| p == j) {
+            self.particles.copy_within(at + 1..len, at);
+            self.len -= 1;
+        }
+    }
+
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        usize::from(self.len)
+    }
+}
+
+/// Rows under work, found by vertex through a stamped table.
+#[derive(Clone, Debug, Default)]
+pub struct WorkRows {
+    /// Round and row of each vertex slot.
+    slots: Vec<(u32, u32)>,
+    round: u32,
+    rows: Vec<WorkRow>,
+    inherited: Vec<ParticleId>,
+}
+
+impl WorkRows {
+    /// Starts an update of a mesh with `vertices` slots: no row is open.
+    pub fn begin(&mut self, vertices: usize) {
+        if self.round == u32::MAX {
+            self.slots.fill((0, 0));
+            self.round = 0;
+        }
+        self.round += 1;
+        if self.slots.len() < vertices {
+            self.slots.resize(vertices, (0, 0));
+        }
+        self.rows.clear();
+        self.inherited.clear();
+    }
+
+    /// The row of `v`, opened with what the map has.
+    pub fn open(&mut self, v: VertexId, map: &ParticleMap) -> &mut WorkRow {
+        if !self.is_open(v) {
+            self.push(v);
+            let row = self.rows.last_mut().expect("just pushed");
+            for influence in map.influences.row(v.index()) {
+                row.add(influence.particle);
+            }
+        }
+        &mut self.rows[self.slots[v.index()].1 as usize]
+    }
+
+    /// Opens the empty row of a new vertex whose parents had `inherited`.
+    pub fn open_new(&mut self, v: VertexId, inherited: &[ParticleId]) {
+        let start = self.inherited.len() as u32;
+        self.inherited.extend_from_slice(inherited);
+        if !self.is_open(v) {
+            self.push(v);
+        }
+        let row = &mut self.rows[self.slots[v.index()].1 as usize];
+        row.is_new = true;
+        row.inherited = (start, self.inherited.len() as u32);
+    }
+
+    fn push(&mut self, v: VertexId) {
+        self.slots[v.index()] = (self.round, self.rows.len() as u32);
+        self.rows.push(WorkRow { vertex: v, is_new: false, len: 0, particles: [ParticleId::NONE; ROOM], inherited: (0, 0) });
+    }
+
+    /// True if the row of `v` is open.
+    pub fn is_open(&self, v: VertexId) -> bool {
+        self.slots[v.index()].0 == self.round
+    }
+
+    /// What [`WorkRows::open_new`] noted for `v`; empty for old vertices.
+    pub fn inherited(&self, v: VertexId) -> &[ParticleId] {
+        if !self.is_open(v) {
+            return &[];
+        }
+        let (start, end) = self.rows[self.slots[v.index()].1 as usize].inherited;
+        &self.inherited[start as usize..end as usize]
+    }
+
+    /// Particle `i` of the row of `v`, open or not.
+    pub fn particle(&self, v: VertexId, i: usize, map: &ParticleMap) -> Option<ParticleId> {
+        if self.is_open(v) {
+            let row = &self.rows[self.slots[v.index()].1 as usize];
+            return row.particles[..row.len()].get(i).copied();
+        }
+        map.influences.row(v.index()).get(i).map(|e| e.particle)
+    }
+
+    /// True if `j` holds `v`.
+    pub fn holds(&self, v: VertexId, j: ParticleId, map: &ParticleMap) -> bool {
+        (0..).map_while(|i| self.particle(v, i, map)).any(|p| p == j)
+    }
+
+    /// Number of open rows.
+    pub fn count(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Vertex of open row `i`.
+    pub fn vertex(&self, i: usize) -> VertexId {
+        self.rows[i].vertex
+    }
+
+    /// True if open row `i` is a new vertex's.
+    pub fn is_new(&self, i: usize) -> bool {
+        self.rows[i].is_new
+    }
+
+    /// Particles of open row `i`.
+    pub fn particles(&self, i: usize) -> &[ParticleId] {
+        &self.rows[i].particles[..self.rows[i].len()]
+    }
+
+    /// Puts the vertices of all open rows into `out`, in the order they were opened.
+    pub fn list(&self, out: &mut Vec<VertexId>) {
+        out.clear();
+        out.extend(self.rows.iter().map(|row| row.vertex));
+    }
+}

@@ -1,0 +1,117 @@
+//! Wound particles: they draw the lips of a slit apart (MATHS 3.3; the paper's 3.3.4).
+//!
+//! They sit on lip vertices at even distances along the slit and rest displaced along the strip's normal, away from the
+//! slit. The displacement follows an ellipse over the slit's length, so the wound is a lens that is closed at both ends;
+//! it is set anew for the whole slit whenever the slit grows.
+
+use super::map_update::{LipVertex, Update};
+use super::strips::{Strips, WoundMark};
+use crate::geometry::VertexId;
+use glam::DVec3;
+
+/// Widest opening over the length of the slit: a short slit opens less than the gap.
+const GAP_OVER_LENGTH: f64 = 0.35;
+/// Least share of the opening, so that a wound particle never counts as an ordinary one.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// Length of a strip along the slit: the mean of its tip edge and its base edge.
+fn length(strips: &Strips, k: usize) -> f64 {
+    let [tip0, tip1, base1, base0] = strips.as_slice()[k].corners.map(DVec3::from_array);
+    0.5 * (tip0.distance(tip1) + base0.distance(base1))
+}
+
+/// Distance of `p` from the earlier end of strip `k`, along the slit, within the strip.
+fn along(strips: &Strips, k: usize, p: DVec3) -> f64 {
+    let [tip0, tip1, base1, base0] = strips.as_slice()[k].corners.map(DVec3::from_array);
+    let direction = tip1 - tip0 + base1 - base0;
+    let squared = direction.length_squared();
+    let t = if squared > 0.0 { 2.0 * (p - 0.5 * (tip0 + base0)).dot(direction) / squared } else { 0.0 };
+    t.clamp(0.0, 1.0) * length(strips, k)
+}
+
+/// Adds wound particles to the lips of the new strips and sets the rest displacements of their slits.
+pub(super) fn add_particles(update: &mut Update<'_, '_>) {
+    let wound = update.settings.wound;
+    let strips = update.edit.new_strips.clone();
+    if wound.gap <= 0.0 || strips.is_empty() || strips.end > update.strips.len() {
+        return;
+    }
+    let mut k = strips.start;
+    while k < strips.end {
+        let start = update.strips.slit_start(k);
+        let mut offset: f64 = (start..k).map(|i| length(update.strips, i)).sum();
+        let slit = update.strips.as_slice()[k].slit;
+        let mut room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
+        while k < strips.end && update.strips.as_slice()[k].slit == slit {
+            let end = offset + length(update.strips, k);
+            // Places at odd multiples of half the spacing from the slit's start, whatever the strips' lengths.
+            let first = (offset / wound.spacing - 0.5).ceil().max(0.0);
+            let places = (0..room).map(|i| (first + i as f64 + 0.5) * wound.spacing).take_while(|&s| s < end);
+            for place in places {
+                for side in [1, -1] {
+                    room = room.saturating_sub(add_at(update, k, place - offset, side, room));
+                }
+            }
+            offset = end;
+            k += 1;
+        }
+        displace_slit(update, start, offset);
+    }
+}
+
+/// Marks of the slit that starts at strip `start` and goes on to the newest strip.
+fn slit_marks(strips: &Strips, start: usize) -> impl Iterator<Item = &WoundMark> {
+    strips.wounds().iter().rev().take_while(move |m| m.strip as usize >= start)
+}
+
+/// Adds up to two particles, `room` at most, on one lip: a blade that passes through a thin part leaves two lips on a
+/// side. Returns how many.
+fn add_at(update: &mut Update<'_, '_>, k: usize, place: f64, side: i8, room: usize) -> usize {
+    let spacing = update.settings.wound.spacing;
+    let mut taken: [Option<VertexId>; 2] = [None; 2];
+    for i in 0..2.min(room) {
+        let mut best: Option<(f64, VertexId)> = None;
+        for LipVertex { vertex, .. } in update.edit.lips.iter().filter(|l| l.strip == k && l.side.signum() == side) {
+            let p = update.rest[vertex.index()];
+            let off = (along(update.strips, k, p) - place).abs();
+            let is_apart = taken[0].is_none_or(|t| update.rest[t.index()].distance(p) > 1.5 * spacing);
+            let usable = off <= 0.5 * spacing && is_apart && update.mesh.vertex_is_live(*vertex);
+            if usable && !update.is_anchor(*vertex) && best.is_none_or(|b| (off, *vertex) < b) {
+                best = Some((off, *vertex));
+            }
+        }
+        let Some((_, vertex)) = best else { return i };
+        let at = along(update.strips, k, update.rest[vertex.index()]);
+        let outwards = update.strips.geometry(k).normal() * f64::from(side);
+        let particle = update.add_particle(vertex, outwards * (LEAST_SHARE * update.settings.wound.gap));
+        let (strip, side) = (k as u32, i32::from(side));
+        update.strips.wounds.push(WoundMark { particle, strip, along: at, side, padding: 0 });
+        taken[i] = Some(vertex);
+    }
+    taken.iter().flatten().count()
+}
+
+/// Sets the rest displacements of a slit of length `total`: half the gap at its middle, an ellipse along it.
+fn displace_slit(update: &mut Update<'_, '_>, start: usize, total: f64) {
+    let half_gap = 0.5 * update.settings.wound.gap.min(GAP_OVER_LENGTH * total);
+    let mut offsets = vec![0.0];
+    for k in start..update.strips.len() {
+        offsets.push(offsets[k - start] + length(update.strips, k));
+    }
+    for mark in slit_marks(update.strips, start) {
+        let (j, k) = (mark.particle.index(), mark.strip as usize);
+        if j >= update.map.len()
+            || update.map.anchors[j].is_none()
+            || update.strips.as_slice()[k].slit != update.strips.as_slice()[start].slit
+        {
+            continue;
+        }
+        let x = ((offsets[k - start] + mark.along) / total).clamp(0.0, 1.0);
+        let share = (4.0 * x * (1.0 - x)).sqrt().max(LEAST_SHARE);
+        let u0 = (update.strips.geometry(k).normal() * (f64::from(mark.side) * half_gap * share)).to_array();
+        if update.map.rest_displacement[j] != u0 && u0 != [0.0; 3] {
+            update.map.rest_displacement.set(j, u0);
+            update.report.particles_changed.push(mark.particle);
+        }
+    }
+}
