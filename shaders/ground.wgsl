@@ -8,7 +8,7 @@ struct Far {
 fn backdrop(pixel: vec2f) -> vec3f {
     let p = (pixel * view.size.zw - vec2f(0.5, 0.42)) * vec2f(view.size.x * view.size.w, 1.0);
     let glow = exp(-2.6 * dot(p, p));
-    return mix(vec3f(0.010, 0.012, 0.015), vec3f(0.085, 0.097, 0.108), glow);
+    return mix(vec3f(0.010, 0.012, 0.015), vec3f(0.062, 0.070, 0.078), glow);
 }
 
 @vertex
@@ -46,9 +46,9 @@ fn drape(in: Far) -> @location(0) vec4f {
     let visible = lamp_visibility(in.position, up);
     // Near the tissue even the room's light is kept off: a soft contact shadow.
     let contact = 1.0 - 0.62 * exp(-2.4 * r * r);
-    let cloth = vec3f(0.030, 0.088, 0.094);
+    let cloth = vec3f(0.020, 0.060, 0.066);
     let v = normalize(view.eye.xyz - in.position);
-    let lamp = KEY_COLOUR * view.key_light.w * max(dot(up, view.key_light.xyz), 0.0) * visible * exp(-0.16 * r * r);
+    let lamp = KEY_COLOUR * view.key_light.w * max(dot(up, view.key_light.xyz), 0.0) * visible * exp(-0.30 * r * r);
     var light = cloth * (lamp + 1.5 * SKY * contact);
     light += room(reflect(-v, up), 0.6) * 0.04 * pow(1.0 - saturate(dot(v, up)), 3.0) * contact;
     let mapped = finish(light, in.clip.xy);

@@ -13,6 +13,7 @@ struct Surface {
     position: vec3f,
     normal: vec3f,      // unit, towards the viewer
     film_normal: vec3f, // unit; of the wet film, which shows finer relief
+    shell_normal: vec3f, // unit; without any relief
     albedo: vec3f,
     roughness: f32,
     wetness: f32,
@@ -27,7 +28,7 @@ fn room(d: vec3f, roughness: f32) -> vec3f {
     var light = mix(GROUND, SKY, smoothstep(-0.35 - roughness, 0.75 + roughness, height));
     let blur = 0.02 + 0.5 * roughness;
     let lamp = dot(d, view.key_light.xyz);
-    light += KEY_COLOUR * (2.2 / (1.0 + 14.0 * roughness)) * smoothstep(0.93 - blur, 0.96 + blur, lamp);
+    light += KEY_COLOUR * (3.0 / (1.0 + 14.0 * roughness)) * smoothstep(0.93 - blur, 0.96 + blur, lamp);
     let away = -view.key_light.xyz + 1.3 * dot(view.key_light.xyz, view.scene_up.xyz) * view.scene_up.xyz;
     let window = dot(d, normalize(away));
     let band = smoothstep(0.7 - blur, 0.8 + blur, window) * smoothstep(-0.15 - blur, 0.1 + blur, height);
@@ -57,7 +58,8 @@ fn lamp_visibility(position: vec3f, normal: vec3f) -> f32 {
     return sum / 9.0;
 }
 
-// GGX with Smith's height-correlated visibility; times cos, for a light of unit radiance.
+// GGX with Smith's height-correlated visibility, times cos. Lights are given as the radiance that a white Lambertian
+// surface would send back, so the 1/pi of both lobes is in them already.
 fn specular(n: vec3f, v: vec3f, l: vec3f, roughness: f32, f0: f32) -> f32 {
     let h = normalize(v + l);
     let ndl = saturate(dot(n, l));
@@ -68,34 +70,42 @@ fn specular(n: vec3f, v: vec3f, l: vec3f, roughness: f32, f0: f32) -> f32 {
     let d = a2 / max(pow(ndh * ndh * (a2 - 1.0) + 1.0, 2.0), 1e-6);
     let visibility = 0.5 / max(ndl * sqrt(ndv * ndv * (1.0 - a2) + a2) + ndv * sqrt(ndl * ndl * (1.0 - a2) + a2), 1e-4);
     let fresnel = f0 + (1.0 - f0) * pow(1.0 - saturate(dot(v, h)), 5.0);
-    return d * visibility * fresnel * ndl * 0.3183;
+    return d * visibility * fresnel * ndl;
 }
 
 // Lambert that reaches round the terminator, farthest in red: light bleeds through flesh.
 fn wrapped(ndl: f32, scatter: f32) -> vec3f {
-    let wrap = scatter * vec3f(0.45, 0.17, 0.12);
+    let wrap = scatter * vec3f(0.34, 0.13, 0.10);
     let reach = max((vec3f(ndl) + wrap) / (1.0 + wrap), vec3f(0.0));
     return reach * mix(vec3f(1.0), reach, 0.35) / (1.0 + 0.4 * wrap);
 }
 
-fn shade(s: Surface) -> vec3f {
+// Interpolated normals may look away from the eye at a silhouette, where highlights would sparkle: bends them back.
+fn facing(n: vec3f, v: vec3f) -> vec3f {
+    return normalize(n + v * max(0.06 - dot(n, v), 0.0));
+}
+
+fn shade(surface: Surface) -> vec3f {
+    var s = surface;
     let v = normalize(view.eye.xyz - s.position);
+    s.normal = facing(s.normal, v);
+    s.film_normal = facing(s.film_normal, v);
     let l = view.key_light.xyz;
     let head = view.fill_light.xyz;
-    let visible = lamp_visibility(s.position, s.normal);
+    let visible = lamp_visibility(s.position, s.shell_normal);
     // A shadow's edge on flesh is red: what light there is came through it.
     let bled = mix(vec3f(visible), vec3f(sqrt(visible), visible, visible), 0.6 * s.scatter);
 
     var light = KEY_COLOUR * view.key_light.w * wrapped(dot(s.normal, l), s.scatter) * bled;
     light += FILL_COLOUR * view.fill_light.w * wrapped(dot(s.normal, head), s.scatter);
     let ambient = mix(GROUND, SKY, 0.5 + 0.5 * dot(s.normal, view.scene_up.xyz)) * s.openness;
-    var colour = s.albedo * (light + 1.5 * ambient);
+    var colour = s.albedo * (light + ambient);
 
     let under = max(s.roughness, 0.2);
     colour += KEY_COLOUR * view.key_light.w * visible * specular(s.normal, v, l, under, 0.03);
-    let film = 0.17;
-    let lamp_glint = visible * view.key_light.w * specular(s.film_normal, v, l, film, 0.022);
-    let head_glint = 0.5 * view.fill_light.w * specular(s.film_normal, v, head, film + 0.06, 0.022);
+    let film = 0.27; // a lamp of a hand's breadth is no point
+    let lamp_glint = visible * view.key_light.w * min(2.0 * specular(s.film_normal, v, l, film, 0.03), 5.0);
+    let head_glint = view.fill_light.w * specular(s.film_normal, v, head, film + 0.05, 0.03);
     colour += s.wetness * (KEY_COLOUR * lamp_glint + FILL_COLOUR * head_glint);
 
     let grazing = pow(1.0 - saturate(dot(s.film_normal, v)), 5.0);
@@ -141,7 +151,9 @@ fn dither(pixel: vec2f) -> f32 {
 }
 
 fn finish(light: vec3f, pixel: vec2f) -> vec4f {
-    let mapped = saturate(tone_map(max(light, vec3f(0.0))));
+    // A little contrast about middle grey first.
+    let graded = 0.18 * pow(max(light, vec3f(0.0)) / 0.18, vec3f(1.14));
+    let mapped = saturate(tone_map(graded));
     // The dither is meant for the stored, curved value: scale it by the slope of the sRGB curve there.
     let slope = pow(max(mapped, vec3f(0.002)), vec3f(0.58)) * 2.3;
     return vec4f(mapped + dither(pixel) * slope, 1.0);

@@ -96,6 +96,13 @@ fn noise(p: vec3f) -> vec4f {
     return vec4f(value, gradient);
 }
 
+// Noise on a lattice that is turned, so that two octaves show no common grid.
+fn turned_noise(p: vec3f) -> vec4f {
+    let turn = mat3x3f(vec3f(0.36, 0.48, -0.8), vec3f(-0.8, 0.6, 0.0), vec3f(0.48, 0.64, 0.6));
+    let n = noise(turn * p + 11.0);
+    return vec4f(n.x, n.yzw * turn);
+}
+
 // Tilts `normal` by the relief whose gradient over the rest space is `gradient` (Mikkelsen 2010): both differentials are
 // constant over a triangle, so the result is smooth.
 fn tilt(normal: vec3f, gradient: vec3f, position_x: vec3f, position_y: vec3f, rest_x: vec3f, rest_y: vec3f) -> vec3f {
@@ -122,6 +129,7 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     var s: Surface;
     s.position = in.position;
     s.normal = normalize(in.normal) * select(-1.0, 1.0, front);
+    s.shell_normal = s.normal;
     s.albedo = material.base_colour.rgb * texel.rgb * in.colour.rgb;
     s.roughness = material.roughness;
     s.wetness = material.wetness;
@@ -129,23 +137,24 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     s.openness = 1.0;
 
     let broad = noise(in.rest * 13.0);
-    let fine = noise(in.rest * 47.0 + 11.0);
-    var gradient = 0.055 * broad.yzw + 0.05 * fine.yzw;
+    let fine = turned_noise(in.rest * 43.0);
+    var gradient = 0.10 * broad.yzw + 0.11 * fine.yzw;
     if (inside) {
         // Raw flesh: deep red, fibrous, and darker, since little light finds its way in.
         let fibre = noise(in.rest * vec3f(60.0, 22.0, 60.0) + 3.0);
-        s.albedo = vec3f(0.40, 0.042, 0.034) * (1.0 + 0.22 * broad.x + 0.18 * fibre.x);
+        s.albedo = vec3f(0.40, 0.045, 0.038) * (1.0 + 0.3 * broad.x + 0.3 * fibre.x);
         s.roughness = 0.5;
         s.wetness = 0.85;
         s.scatter = 1.0;
         s.openness = select(0.38, 0.7, front);
-        gradient = 0.08 * broad.yzw + 0.03 * fibre.yzw * vec3f(1.0, 0.4, 1.0);
+        gradient = 0.16 * broad.yzw + 0.12 * fibre.yzw * vec3f(1.0, 0.4, 1.0);
     } else if (material.layer == 0u) {
-        // Plain flesh without a texture: mottled, with darker veins along the zero lines of a slow noise.
-        let slow = noise(in.rest * 5.0 + 0.35 * vec3f(broad.x, fine.x, broad.x) + 5.0);
-        let vein = smoothstep(0.10, 0.0, abs(slow.x)) * smoothstep(-0.3, 0.5, broad.x);
-        let mottle = 1.0 + 0.10 * broad.x + 0.05 * fine.x;
-        s.albedo *= mix(vec3f(1.0), vec3f(mottle) * mix(vec3f(1.0), vec3f(0.72, 0.50, 0.55), 0.55 * vein), s.scatter);
+        // Plain flesh without a texture: mottled, with fine vessels along the zero lines of a slow, warped noise.
+        let slow = noise(in.rest * 6.5 + 0.55 * vec3f(broad.x, fine.x, -broad.x) + 5.0);
+        let vessel = smoothstep(0.11, 0.0, abs(slow.x)) * saturate(0.4 + broad.x);
+        let blush = 1.0 + 0.16 * slow.x + 0.10 * broad.x + 0.06 * fine.x;
+        let tint = vec3f(blush, blush * blush, blush * blush) * mix(vec3f(1.0), vec3f(0.84, 0.60, 0.62), 0.35 * vessel);
+        s.albedo *= mix(vec3f(1.0), tint, s.scatter);
     }
     let relief = gradient * (s.wetness * scale);
     s.film_normal = tilt(s.normal, relief, position_x, position_y, rest_x, rest_y);

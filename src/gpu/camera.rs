@@ -22,12 +22,21 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Looks at a box from `direction` (from its centre towards the eye), all of it in view.
-    pub fn framing(min: DVec3, max: DVec3, direction: DVec3, up: DVec3, fov_y: f64) -> Self {
-        let target = 0.5 * (min + max);
-        let radius = (0.5 * (max - min).length()).max(1e-6);
-        let eye = target + direction.normalize_or(DVec3::Z) * (1.08 * radius / (0.5 * fov_y).sin());
-        Self { eye, target, up, fov_y }
+    /// Looks at a box from `direction` (from its centre towards the eye), as near as shows all of it in a picture of the
+    /// given width over height.
+    pub fn framing(bounds: Bounds, direction: DVec3, up: DVec3, fov_y: f64, aspect: f64) -> Self {
+        let bounds = if bounds.is_empty() { Bounds { min: DVec3::splat(-0.5), max: DVec3::splat(0.5) } } else { bounds };
+        let target = 0.5 * (bounds.min + bounds.max);
+        let back = direction.normalize_or(DVec3::Z);
+        let right = up.cross(back).normalize_or(back.any_orthonormal_vector());
+        let upward = back.cross(right);
+        let tan = (0.5 * fov_y).tan();
+        let reach = |corner: DVec3| {
+            let p = corner - target;
+            p.dot(back) + (p.dot(right).abs() / (tan * aspect)).max(p.dot(upward).abs() / tan)
+        };
+        let distance = bounds.corners().into_iter().map(reach).fold(1e-6, f64::max);
+        Self { eye: target + back * (1.06 * distance), target, up, fov_y }
     }
 
     fn check(&self) -> Result<(), GpuError> {
@@ -101,8 +110,8 @@ impl Bounds {
 
 /// Side of the shadow map, texels.
 pub const SHADOW_SIZE: u32 = 1024;
-const KEY_RADIANCE: f32 = 2.5;
-const HEADLAMP_RADIANCE: f32 = 0.55;
+const KEY_RADIANCE: f32 = 1.7;
+const HEADLAMP_RADIANCE: f32 = 0.4;
 
 /// The record of one view. `rest` bounds the scene at rest (the tray lies under it and does not bob as the model moves),
 /// `posed` as it is now (the lamp's shadow map covers it).
@@ -117,7 +126,7 @@ pub fn view_record(camera: &Camera, size: (u32, u32), scenery: &Scenery, rest: B
     let axis = |row: usize| view_from_world.row(row).truncate();
     let side = up.any_orthonormal_vector();
     let front = if up == DVec3::Y { DVec3::Z } else { up.cross(side) };
-    let lamp = (0.82 * up + 0.42 * up.cross(front) + 0.48 * front).normalize();
+    let lamp = (0.80 * up + 0.50 * up.cross(front) + 0.36 * front).normalize();
     let tan = (0.5 * camera.fov_y).tan();
     let posed = if posed.is_empty() { Bounds { min: camera.target - 1e-3, max: camera.target + 1e-3 } } else { posed };
     let rest = if rest.is_empty() { posed } else { rest };
@@ -186,7 +195,7 @@ mod tests {
     #[test]
     fn the_whole_box_lies_in_the_picture_and_in_the_shadow_map() -> Result<(), GpuError> {
         let bounds = Bounds { min: DVec3::new(-1.0, -2.0, -3.0), max: DVec3::new(1.0, 2.0, 3.0) };
-        let camera = Camera::framing(bounds.min, bounds.max, DVec3::new(1.0, 1.0, 1.0), DVec3::Y, 0.7);
+        let camera = Camera::framing(bounds, DVec3::new(1.0, 1.0, 1.0), DVec3::Y, 0.7, 1.0);
         let view = view_record(&camera, (300, 300), &Scenery::default(), bounds, bounds)?;
         for matrix in [view.clip_from_world, view.light_from_world] {
             let clip = DMat4::from_cols_array_2d(&matrix.map(|c| c.map(f64::from)));

@@ -37,7 +37,7 @@ pub struct MaterialView<'a> {
 impl MaterialView<'_> {
     /// Moist flesh: what a model without materials is made of.
     pub const FLESH: Self =
-        Self { base_colour: [0.56, 0.17, 0.13, 1.0], texture: None, roughness: 0.48, wetness: 0.8, scatter: 1.0 };
+        Self { base_colour: [0.27, 0.058, 0.047, 1.0], texture: None, roughness: 0.48, wetness: 0.8, scatter: 1.0 };
 }
 
 /// Numbers that change when an array does; equal numbers mean that nothing has to be uploaded or run again.
