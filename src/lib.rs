@@ -22,6 +22,8 @@
 pub mod diagnostics;
 pub mod formats;
 pub mod geometry;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod particles;
 pub mod physics;
 pub mod rig;

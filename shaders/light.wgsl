@@ -1,0 +1,160 @@
+// The operating theatre: one lamp with a soft shadow, a headlamp, a small generated room around, and the tone curve.
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var shadow_map: texture_depth_2d;
+@group(0) @binding(2) var shadow_sampler: sampler_comparison;
+
+const KEY_COLOUR: vec3f = vec3f(1.0, 0.965, 0.9);
+const FILL_COLOUR: vec3f = vec3f(0.86, 0.93, 1.0);
+const SKY: vec3f = vec3f(0.30, 0.34, 0.38);
+const GROUND: vec3f = vec3f(0.075, 0.085, 0.085);
+
+struct Surface {
+    position: vec3f,
+    normal: vec3f,      // unit, towards the viewer
+    film_normal: vec3f, // unit; of the wet film, which shows finer relief
+    shell_normal: vec3f, // unit; without any relief
+    albedo: vec3f,
+    roughness: f32,
+    wetness: f32,
+    scatter: f32,
+    openness: f32, // 1 in the open, less inside a wound: scales ambient light
+}
+
+// What the room sends from direction `d`, blurred by `roughness`: pale ceiling, dark floor, lamp, and a long window
+// behind the subject whose reflection draws the outline of wet things.
+fn room(d: vec3f, roughness: f32) -> vec3f {
+    let height = dot(d, view.scene_up.xyz);
+    var light = mix(GROUND, SKY, smoothstep(-0.35 - roughness, 0.75 + roughness, height));
+    let blur = 0.02 + 0.5 * roughness;
+    let lamp = dot(d, view.key_light.xyz);
+    light += KEY_COLOUR * (3.0 / (1.0 + 14.0 * roughness)) * smoothstep(0.93 - blur, 0.96 + blur, lamp);
+    let away = -view.key_light.xyz + 1.3 * dot(view.key_light.xyz, view.scene_up.xyz) * view.scene_up.xyz;
+    let window = dot(d, normalize(away));
+    let band = smoothstep(0.7 - blur, 0.8 + blur, window) * smoothstep(-0.15 - blur, 0.1 + blur, height);
+    return light + FILL_COLOUR * 0.9 * band;
+}
+
+// Share of the lamp that is visible, 0 to 1: nine bilinear comparisons.
+fn lamp_visibility(position: vec3f, normal: vec3f) -> f32 {
+    if (view.shadow.w == 0.0) {
+        return 1.0;
+    }
+    let slope = 1.0 - saturate(dot(normal, view.key_light.xyz));
+    let p = position + normal * (view.shadow.z * (0.6 + 2.0 * slope));
+    let clip = view.light_from_world * vec4f(p, 1.0);
+    let uv = clip.xy * vec2f(0.5, -0.5) + 0.5;
+    if (any(uv < vec2f(0.0)) || any(uv > vec2f(1.0))) {
+        return 1.0;
+    }
+    let depth = clip.z + view.shadow.y;
+    var sum = 0.0;
+    for (var y = -1; y <= 1; y++) {
+        for (var x = -1; x <= 1; x++) {
+            let offset = vec2f(f32(x), f32(y)) * (1.7 * view.shadow.x);
+            sum += textureSampleCompareLevel(shadow_map, shadow_sampler, uv + offset, depth);
+        }
+    }
+    return sum / 9.0;
+}
+
+// GGX with Smith's height-correlated visibility, times cos. Lights are given as the radiance that a white Lambertian
+// surface would send back, so the 1/pi of both lobes is in them already.
+fn specular(n: vec3f, v: vec3f, l: vec3f, roughness: f32, f0: f32) -> f32 {
+    let h = normalize(v + l);
+    let ndl = saturate(dot(n, l));
+    let ndv = max(dot(n, v), 1e-3);
+    let ndh = saturate(dot(n, h));
+    let a = roughness * roughness;
+    let a2 = a * a;
+    let d = a2 / max(pow(ndh * ndh * (a2 - 1.0) + 1.0, 2.0), 1e-6);
+    let visibility = 0.5 / max(ndl * sqrt(ndv * ndv * (1.0 - a2) + a2) + ndv * sqrt(ndl * ndl * (1.0 - a2) + a2), 1e-4);
+    let fresnel = f0 + (1.0 - f0) * pow(1.0 - saturate(dot(v, h)), 5.0);
+    return d * visibility * fresnel * ndl;
+}
+
+// Lambert that reaches round the terminator, farthest in red: light bleeds through flesh.
+fn wrapped(ndl: f32, scatter: f32) -> vec3f {
+    let wrap = scatter * vec3f(0.34, 0.13, 0.10);
+    let reach = max((vec3f(ndl) + wrap) / (1.0 + wrap), vec3f(0.0));
+    return reach * mix(vec3f(1.0), reach, 0.35) / (1.0 + 0.4 * wrap);
+}
+
+// Interpolated normals may look away from the eye at a silhouette, where highlights would sparkle: bends them back.
+fn facing(n: vec3f, v: vec3f) -> vec3f {
+    return normalize(n + v * max(0.06 - dot(n, v), 0.0));
+}
+
+fn shade(surface: Surface) -> vec3f {
+    var s = surface;
+    let v = normalize(view.eye.xyz - s.position);
+    s.normal = facing(s.normal, v);
+    s.film_normal = facing(s.film_normal, v);
+    let l = view.key_light.xyz;
+    let head = view.fill_light.xyz;
+    let visible = lamp_visibility(s.position, s.shell_normal);
+    // A shadow's edge on flesh is red: what light there is came through it.
+    let bled = mix(vec3f(visible), vec3f(sqrt(visible), visible, visible), 0.6 * s.scatter);
+
+    var light = KEY_COLOUR * view.key_light.w * wrapped(dot(s.normal, l), s.scatter) * bled;
+    light += FILL_COLOUR * view.fill_light.w * wrapped(dot(s.normal, head), s.scatter);
+    let ambient = mix(GROUND, SKY, 0.5 + 0.5 * dot(s.normal, view.scene_up.xyz)) * s.openness;
+    var colour = s.albedo * (light + ambient);
+
+    let under = max(s.roughness, 0.2);
+    colour += KEY_COLOUR * view.key_light.w * visible * specular(s.normal, v, l, under, 0.03);
+    let film = 0.27; // a lamp of a hand's breadth is no point
+    let lamp_glint = visible * view.key_light.w * min(2.0 * specular(s.film_normal, v, l, film, 0.03), 5.0);
+    let head_glint = view.fill_light.w * specular(s.film_normal, v, head, film + 0.05, 0.03);
+    colour += s.wetness * (KEY_COLOUR * lamp_glint + FILL_COLOUR * head_glint);
+
+    let grazing = pow(1.0 - saturate(dot(s.film_normal, v)), 5.0);
+    let mirror = mix(0.022, 0.55, grazing) * s.wetness + mix(0.02, 0.2, grazing) * (1.0 - s.roughness) * (1.0 - s.wetness);
+    colour += room(reflect(-v, s.film_normal), mix(0.6, 0.12, s.wetness)) * mirror * s.openness * mix(0.35, 1.0, visible);
+    return colour;
+}
+
+// The Khronos "PBR neutral" curve: colours stay true up to the highlights, which run out to white.
+fn tone_map(light: vec3f) -> vec3f {
+    let start = 0.76;
+    let desaturation = 0.15;
+    let low = min(light.r, min(light.g, light.b));
+    let offset = select(0.04, low - 6.25 * low * low, low < 0.08);
+    var colour = light - offset;
+    let peak = max(colour.r, max(colour.g, colour.b));
+    if (peak < start) {
+        return colour;
+    }
+    let d = 1.0 - start;
+    let new_peak = 1.0 - d * d / (peak + d - start);
+    colour *= new_peak / peak;
+    let g = 1.0 - 1.0 / (desaturation * (peak - new_peak) + 1.0);
+    return mix(colour, vec3f(new_peak), g);
+}
+
+fn hash(p: vec3u) -> vec3u { // pcg3d: Jarzynski and Olano 2020
+    var v = p * 1664525u + 1013904223u;
+    v.x += v.y * v.z;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    v ^= v >> vec3u(16u);
+    v.x += v.y * v.z;
+    v.y += v.z * v.x;
+    v.z += v.x * v.y;
+    return v;
+}
+
+// Half a step of 8 bits either way, so that dark gradients do not band.
+fn dither(pixel: vec2f) -> f32 {
+    let bits = hash(vec3u(vec2u(pixel), 7u)).x >> 8u;
+    return (f32(bits) / 16777216.0 - 0.5) / 255.0;
+}
+
+fn finish(light: vec3f, pixel: vec2f) -> vec4f {
+    // A little contrast about middle grey first.
+    let graded = 0.18 * pow(max(light, vec3f(0.0)) / 0.18, vec3f(1.14));
+    let mapped = saturate(tone_map(graded));
+    // The dither is meant for the stored, curved value: scale it by the slope of the sRGB curve there.
+    let slope = pow(max(mapped, vec3f(0.002)), vec3f(0.58)) * 2.3;
+    return vec4f(mapped + dither(pixel) * slope, 1.0);
+}

@@ -1,0 +1,110 @@
+// Normals of all wedges (MATHS 2.3): where the vertex or one of its neighbours is displaced, area-weighted face normals
+// gathered from final positions over the faces of the fan that share the wedge's smoothing group; elsewhere the cofactor
+// of the blended matrix applied to the normal at rest.
+
+@group(0) @binding(6) var<storage, read> faces: array<FaceRecord>;
+@group(0) @binding(7) var<storage, read> wedges: array<Wedge>;
+
+// No sound fan is longer; a damaged one must not hang the device.
+const MAX_FAN: u32 = 4096u;
+
+struct Gathered {
+    normal: vec3f,
+    moved: f32,
+}
+
+fn position_of(t: u32, corner_wedge: u32) -> vec4f {
+    return deformed[tissues[t].positions + wedges[tissues[t].wedges + corner_wedge].vertex];
+}
+
+// Adds the face that half-edge `h` leaves from.
+fn add_face(t: u32, h: u32, wedge_group: u32, sum: Gathered) -> Gathered {
+    let face = tissues[t].faces + h / 3u;
+    let k = h % 3u;
+    let corner = faces[face].wedges[k];
+    let a = position_of(t, corner);
+    let b = position_of(t, faces[face].wedges[(k + 1u) % 3u]);
+    let c = position_of(t, faces[face].wedges[(k + 2u) % 3u]);
+    let moved = max(sum.moved, max(a.w, max(b.w, c.w)));
+    if (wedges[tissues[t].wedges + corner].group != wedge_group) {
+        return Gathered(sum.normal, moved);
+    }
+    return Gathered(sum.normal + cross(b.xyz - a.xyz, c.xyz - a.xyz), moved);
+}
+
+fn opposite_of(t: u32, h: u32) -> u32 {
+    return faces[tissues[t].faces + h / 3u].opposites[h % 3u];
+}
+
+fn next_of(h: u32) -> u32 {
+    return select(h + 1u, h - 2u, h % 3u == 2u);
+}
+
+fn previous_of(h: u32) -> u32 {
+    return select(h - 1u, h + 2u, h % 3u == 0u);
+}
+
+// Walks the fan from `start` counter-clockwise, and clockwise too where it is open.
+fn gather(t: u32, start: u32, wedge_group: u32) -> Gathered {
+    var sum = Gathered(vec3f(0.0), 0.0);
+    var h = start;
+    for (var i = 0u; i < MAX_FAN; i++) {
+        sum = add_face(t, h, wedge_group, sum);
+        h = opposite_of(t, previous_of(h));
+        if (h == start) {
+            return sum;
+        }
+        if (h == NONE) {
+            break;
+        }
+    }
+    h = opposite_of(t, start);
+    for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
+        h = next_of(h);
+        sum = add_face(t, h, wedge_group, sum);
+        h = opposite_of(t, h);
+    }
+    return sum;
+}
+
+// Scaled first: the cross product of two short edges squared would fall out of f32's range.
+fn unit_or(v: vec3f, fallback: vec3f) -> vec3f {
+    let largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
+    if (largest > 0.0) {
+        return normalize(v / largest);
+    }
+    return fallback;
+}
+
+@compute @workgroup_size(64)
+fn normals(
+    @builtin(workgroup_id) group: vec3u,
+    @builtin(num_workgroups) groups: vec3u,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let item = work_of(group, groups);
+    if (item.tissue == NONE) {
+        return;
+    }
+    let t = item.tissue;
+    let w = item.first + lane;
+    if (w >= tissues[t].wedge_count) {
+        return;
+    }
+    let wedge = wedges[tissues[t].wedges + w];
+    let rest = unit_or(vec3f(wedge.normal[0], wedge.normal[1], wedge.normal[2]), vec3f(0.0, 0.0, 1.0));
+    var normal = rest;
+    if (skinned) {
+        normal = unit_or(apply_cofactor(blended(t, wedge.vertex), rest), rest);
+    }
+    if (displaced && (tissues[t].flags & (DISPLACED | FADING)) != 0u) {
+        let start = vertices[tissues[t].vertices + wedge.vertex].half_edge;
+        if (start != NONE) {
+            let gathered = gather(t, start, wedge.group);
+            if (gathered.moved > 0.0) {
+                normal = unit_or(gathered.normal, normal);
+            }
+        }
+    }
+    deformed[tissues[t].normals + w] = vec4f(normal, 0.0);
+}

@@ -1,0 +1,109 @@
+// Data shared by all shaders, mirrored by src/gpu/types.rs; a test compares names, offsets and sizes.
+// All indices inside a tissue's data are local to it; its record holds where each of its ranges begins.
+
+const NONE: u32 = 0xffffffffu;
+
+// Flags of a tissue.
+const SKINNED: u32 = 1u;
+const DISPLACED: u32 = 2u;
+const FADING: u32 = 4u;
+
+// One tissue: where its data lies, and what moves it.
+struct TissueRecord {
+    world_from_tissue: array<vec4f, 3>, // rows of 3 x 4
+    vertices: u32,
+    vertex_count: u32,
+    bones: u32,
+    rows: u32,
+    influences: u32,
+    faces: u32,
+    face_count: u32,
+    wedges: u32,
+    wedge_count: u32,
+    joints: u32,
+    displacements: u32,
+    fades: u32,
+    positions: u32,
+    normals: u32,
+    materials: u32,
+    material_count: u32,
+    flags: u32,
+    slot: u32,
+    time_high: f32, // seconds, time_high + time_low
+    time_low: f32,
+    fade_duration: f32, // seconds
+    detail_scale: f32,  // 1 / diagonal: procedural detail keeps its size relative to the model
+    padding_0: u32,
+    padding_1: u32,
+}
+
+// A topological vertex. Spans are (start, length) in the tissue's term ranges.
+struct VertexRecord {
+    rest: array<f32, 3>,
+    half_edge: u32,
+    bones: vec2u,
+    row: vec2u,
+    influences: vec2u,
+}
+
+// One term of a sum: a joint, a base vertex or a particle, and its weight.
+struct Term {
+    index: u32,
+    weight: f32,
+}
+
+// A face slot. `draw`: bits 0-15 material, 16-30 tissue slot, 31 set for walls and caps.
+struct FaceRecord {
+    wedges: array<u32, 3>,
+    draw: u32,
+    opposites: array<u32, 3>,
+    section: u32,
+}
+
+// A corner's attributes; the same 32 bytes as on the CPU.
+struct Wedge {
+    vertex: u32,
+    group: u32,
+    uv: vec2f,
+    normal: array<f32, 3>,
+    colour: u32,
+}
+
+// 64 vertices (or wedges) of one tissue: the work of one workgroup.
+struct WorkItem {
+    tissue: u32,
+    first: u32,
+}
+
+// How a surface answers light.
+struct Material {
+    base_colour: vec4f, // linear
+    layer: u32,         // of the texture array; 0 is white
+    roughness: f32,
+    wetness: f32,       // 0 dry, 1 under a film of water
+    scatter: f32,       // 0 opaque, 1 flesh
+}
+
+// One view of the scene.
+struct View {
+    clip_from_world: mat4x4f,
+    light_from_world: mat4x4f,
+    eye: vec4f,
+    right: vec4f,     // camera axes in world space; w of `right` is tan(fov_y / 2) * aspect
+    up: vec4f,        // w: tan(fov_y / 2)
+    forward: vec4f,
+    scene_up: vec4f,  // w: the tray's height along it
+    key_light: vec4f, // towards the lamp; w: radiance
+    fill_light: vec4f,
+    tray_centre: vec4f, // w: the tray's radius, 0 for none
+    size: vec4f,      // width, height, 1 / width, 1 / height
+    shadow: vec4f,    // texel size in uv, depth bias, normal offset in world units, 1 if there is a shadow map
+}
+
+// A coloured segment of the inspection layers; a point where both ends are the same.
+struct Line {
+    a: array<f32, 3>,
+    width: f32, // pixels
+    b: array<f32, 3>,
+    colour: u32, // RGBA8, linear, red lowest
+}

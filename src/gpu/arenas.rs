@@ -1,0 +1,229 @@
+//! Storage buffers shared by all tissues, a range each, with headroom.
+//!
+//! A range that outgrows its room moves; its content is copied on the GPU, so that an edit never uploads a whole mesh
+//! again. An arena that is full is replaced by a larger one the same way.
+//!
+//! Memory: [`bytes_per_vertex`]. Headroom adds a quarter.
+
+use super::allocator::RangeAllocator;
+use super::context::Context;
+use super::error::GpuError;
+use super::types::{FaceRecord, Term, TissueRecord, VertexRecord};
+use crate::geometry::Wedge;
+use std::ops::Range;
+
+/// Which buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ArenaKind {
+    /// Vertex records.
+    Vertices,
+    /// Bones, rows and influences.
+    Terms,
+    /// Joint matrices, displacements, fades.
+    Vectors,
+    /// Face records.
+    Faces,
+    /// Wedges.
+    Wedges,
+    /// Final positions and normals; written on the GPU only.
+    Deformed,
+}
+
+const KINDS: [(ArenaKind, &str, usize); 6] = [
+    (ArenaKind::Vertices, "vertices", size_of::<VertexRecord>()),
+    (ArenaKind::Terms, "bones, rows and influences", size_of::<Term>()),
+    (ArenaKind::Vectors, "joints, displacements and fades", 16),
+    (ArenaKind::Faces, "faces", size_of::<FaceRecord>()),
+    (ArenaKind::Wedges, "wedges", size_of::<Wedge>()),
+    (ArenaKind::Deformed, "final positions and normals", 16),
+];
+
+/// GPU bytes that a model takes without headroom, from its counts: vertices 40 + 16 (final position), wedges 32 + 16
+/// (final normal), faces 32, 8 a bone, row entry or influence.
+pub fn bytes_per_model(vertices: usize, wedges: usize, faces: usize, terms: usize) -> usize {
+    vertices * (size_of::<VertexRecord>() + 16)
+        + wedges * (size_of::<Wedge>() + 16)
+        + faces * size_of::<FaceRecord>()
+        + terms * size_of::<Term>()
+}
+
+/// Elements of an arena that belong to one stream of one tissue: `start .. start + len` in use, more reserved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Slot {
+    /// First element.
+    pub start: u32,
+    /// Elements in use.
+    pub len: u32,
+    /// Elements reserved.
+    pub room: u32,
+}
+
+impl Slot {
+    fn reserved(self) -> Range<u32> {
+        self.start..self.start + self.room
+    }
+}
+
+#[derive(Debug)]
+struct Arena {
+    name: &'static str,
+    stride: u64,
+    buffer: wgpu::Buffer,
+    allocator: RangeAllocator,
+}
+
+/// All arenas.
+#[derive(Debug)]
+pub struct Arenas {
+    arenas: [Arena; 6],
+    /// Counts up whenever a buffer was replaced, so that bind groups know.
+    generation: u64,
+    bytes_uploaded: u64,
+    scratch: Vec<u8>,
+}
+
+const USAGE: wgpu::BufferUsages =
+    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST).union(wgpu::BufferUsages::COPY_SRC);
+
+/// Smallest capacity of an arena, elements.
+const SMALLEST: u32 = 1024;
+
+impl Arenas {
+    /// Empty arenas on a device.
+    pub fn new(context: &Context) -> Self {
+        let arenas = KINDS.map(|(_, name, stride)| {
+            let mut allocator = RangeAllocator::default();
+            allocator.grow(SMALLEST);
+            let buffer = make_buffer(context.device(), name, u64::from(SMALLEST) * stride as u64);
+            Arena { name, stride: stride as u64, buffer, allocator }
+        });
+        Self { arenas, generation: 0, bytes_uploaded: 0, scratch: Vec::new() }
+    }
+
+    /// The buffer of a kind.
+    pub fn buffer(&self, kind: ArenaKind) -> &wgpu::Buffer {
+        &self.arenas[kind as usize].buffer
+    }
+
+    /// Changes whenever a buffer is replaced.
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Bytes uploaded so far.
+    pub fn bytes_uploaded(&self) -> u64 {
+        self.bytes_uploaded
+    }
+
+    /// Notes an upload to a buffer that is not ours.
+    pub fn count_upload(&mut self, bytes: usize) {
+        self.bytes_uploaded += bytes as u64;
+    }
+
+    /// Makes `slot` hold `len` elements. With `keep`, content that has to move is copied on the GPU; without it the content
+    /// is lost on a move. Errors: more than a buffer of this adapter holds; then the slot is as it was.
+    pub fn resize(
+        &mut self,
+        context: &Context,
+        kind: ArenaKind,
+        slot: &mut Slot,
+        len: usize,
+        keep: bool,
+    ) -> Result<(), GpuError> {
+        if len <= slot.room as usize {
+            slot.len = len as u32;
+            return Ok(());
+        }
+        let room = len as u64 + len as u64 / 4;
+        let room = room.next_multiple_of(64);
+        let range = self.take(context, kind, room)?;
+        let arena = &mut self.arenas[kind as usize];
+        if keep && slot.len > 0 {
+            move_content(context, arena, slot.start, range.start, slot.len);
+        }
+        arena.allocator.give(slot.reserved());
+        *slot = Slot { start: range.start, len: len as u32, room: range.end - range.start };
+        Ok(())
+    }
+
+    /// Gives a slot back.
+    pub fn release(&mut self, kind: ArenaKind, slot: &mut Slot) {
+        self.arenas[kind as usize].allocator.give(slot.reserved());
+        *slot = Slot::default();
+    }
+
+    /// Uploads `count` elements that `fill` writes, to `first` of the slot.
+    pub fn upload<T: bytemuck::Pod>(
+        &mut self,
+        queue: &wgpu::Queue,
+        kind: ArenaKind,
+        slot: Slot,
+        range: Range<usize>,
+        mut element: impl FnMut(usize) -> T,
+    ) {
+        debug_assert!(range.end <= slot.len as usize && size_of::<T>() as u64 == self.arenas[kind as usize].stride);
+        if range.is_empty() {
+            return;
+        }
+        let mut scratch = std::mem::take(&mut self.scratch);
+        scratch.clear();
+        for index in range.clone() {
+            scratch.extend_from_slice(bytemuck::bytes_of(&element(index)));
+        }
+        let arena = &self.arenas[kind as usize];
+        queue.write_buffer(&arena.buffer, (u64::from(slot.start) + range.start as u64) * arena.stride, &scratch);
+        self.bytes_uploaded += scratch.len() as u64;
+        self.scratch = scratch;
+    }
+
+    fn take(&mut self, context: &Context, kind: ArenaKind, room: u64) -> Result<Range<u32>, GpuError> {
+        let arena = &mut self.arenas[kind as usize];
+        let fits = u32::try_from(room).ok();
+        if let Some(range) = fits.and_then(|room| arena.allocator.take(room)) {
+            return Ok(range);
+        }
+        let limits = context.device().limits();
+        let limit_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let limit = (limit_bytes / arena.stride).min(u64::from(u32::MAX / 4));
+        let capacity = u64::from(arena.allocator.capacity());
+        let needed = capacity - u64::from(arena.allocator.tail_gap()) + room;
+        if needed > limit {
+            return Err(GpuError::TooLarge { what: arena.name, needed_bytes: needed * arena.stride, limit_bytes });
+        }
+        let grown = needed.max(capacity + capacity / 2).min(limit);
+        let buffer = make_buffer(context.device(), arena.name, grown * arena.stride);
+        let mut encoder =
+            context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("arena growth") });
+        encoder.copy_buffer_to_buffer(&arena.buffer, 0, &buffer, 0, capacity * arena.stride);
+        context.queue().submit([encoder.finish()]);
+        arena.buffer = buffer;
+        arena.allocator.grow(grown as u32);
+        self.generation += 1;
+        Ok(arena.allocator.take(room as u32).expect("the arena was grown to hold it"))
+    }
+}
+
+/// The slot of a tissue's stream in the table of slots.
+impl TissueRecord {
+    /// A transform as the record stores it.
+    pub fn rows_of(m: glam::DAffine3) -> [[f32; 4]; 3] {
+        let row = |r: usize| {
+            [m.matrix3.x_axis[r] as f32, m.matrix3.y_axis[r] as f32, m.matrix3.z_axis[r] as f32, m.translation[r] as f32]
+        };
+        [row(0), row(1), row(2)]
+    }
+}
+
+fn make_buffer(device: &wgpu::Device, label: &str, size: u64) -> wgpu::Buffer {
+    device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage: USAGE, mapped_at_creation: false })
+}
+
+/// Copies elements within a buffer, through a scratch buffer, since a copy may not have one buffer at both ends.
+fn move_content(context: &Context, arena: &Arena, from: u32, to: u32, len: u32) {
+    let bytes = u64::from(len) * arena.stride;
+    let scratch = make_buffer(context.device(), "arena move", bytes);
+    let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("arena move") });
+    encoder.copy_buffer_to_buffer(&arena.buffer, u64::from(from) * arena.stride, &scratch, 0, bytes);
+    encoder.copy_buffer_to_buffer(&scratch, 0, &arena.buffer, u64::from(to) * arena.stride, bytes);
+    context.queue().submit([encoder.finish()]);
+}

@@ -1,0 +1,224 @@
+//! The camera and the light of a picture, and the view record they make.
+
+use super::error::GpuError;
+use super::types::View;
+use glam::dcamera::rh::{
+    proj::directx::{orthographic, perspective_infinite_reverse},
+    view::look_at_mat4,
+};
+use glam::{DMat4, DVec3};
+
+/// Where a picture is taken from. World space, metres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// The eye.
+    pub eye: DVec3,
+    /// What it looks at.
+    pub target: DVec3,
+    /// Upwards in the picture; need be neither unit nor perpendicular.
+    pub up: DVec3,
+    /// Full vertical angle of view, radians.
+    pub fov_y: f64,
+}
+
+impl Camera {
+    /// Looks at a box from `direction` (from its centre towards the eye), as near as shows all of it in a picture of the
+    /// given width over height.
+    pub fn framing(bounds: Bounds, direction: DVec3, up: DVec3, fov_y: f64, aspect: f64) -> Self {
+        let bounds = if bounds.is_empty() { Bounds { min: DVec3::splat(-0.5), max: DVec3::splat(0.5) } } else { bounds };
+        let target = 0.5 * (bounds.min + bounds.max);
+        let back = direction.normalize_or(DVec3::Z);
+        let right = up.cross(back).normalize_or(back.any_orthonormal_vector());
+        let upward = back.cross(right);
+        let tan = (0.5 * fov_y).tan();
+        let reach = |corner: DVec3| {
+            let p = corner - target;
+            p.dot(back) + (p.dot(right).abs() / (tan * aspect)).max(p.dot(upward).abs() / tan)
+        };
+        let distance = bounds.corners().into_iter().map(reach).fold(1e-6, f64::max);
+        Self { eye: target + back * (1.06 * distance), target, up, fov_y }
+    }
+
+    fn check(&self) -> Result<(), GpuError> {
+        let finite = [self.eye, self.target, self.up].iter().all(|v| v.is_finite());
+        if !finite || !self.fov_y.is_finite() {
+            return Err(GpuError::BadCamera("a number is not finite"));
+        }
+        if !(1e-3..std::f64::consts::PI - 1e-3).contains(&self.fov_y) {
+            return Err(GpuError::BadCamera("fov_y must be above 0 and below pi radians"));
+        }
+        if self.eye == self.target || (self.target - self.eye).cross(self.up).length_squared() == 0.0 {
+            return Err(GpuError::BadCamera("eye and target coincide, or up points along the line of sight"));
+        }
+        Ok(())
+    }
+}
+
+/// What stands around the tissue.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scenery {
+    /// Which way is up; the lamp hangs there, the tray lies below.
+    pub up: DVec3,
+    /// The draped tray under the tissue.
+    pub tray: bool,
+    /// The lamp's shadow.
+    pub shadow: bool,
+}
+
+impl Default for Scenery {
+    fn default() -> Self {
+        Self { up: DVec3::Y, tray: true, shadow: true }
+    }
+}
+
+/// An axis-aligned box in world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Least corner.
+    pub min: DVec3,
+    /// Greatest corner.
+    pub max: DVec3,
+}
+
+impl Bounds {
+    /// Holds nothing.
+    pub const EMPTY: Self = Self { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
+
+    /// True if it holds nothing.
+    pub fn is_empty(&self) -> bool {
+        !(self.min.cmple(self.max).all() && self.min.is_finite() && self.max.is_finite())
+    }
+
+    /// The smallest box around this one and `p`.
+    pub fn with(self, p: DVec3) -> Self {
+        Self { min: self.min.min(p), max: self.max.max(p) }
+    }
+
+    /// The smallest box around both.
+    pub fn union(self, other: Self) -> Self {
+        Self { min: self.min.min(other.min), max: self.max.max(other.max) }
+    }
+
+    /// The eight corners.
+    pub fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|i| {
+            let pick = |bit: usize, axis: usize| if i >> bit & 1 == 0 { self.min[axis] } else { self.max[axis] };
+            DVec3::new(pick(0, 0), pick(1, 1), pick(2, 2))
+        })
+    }
+}
+
+/// Side of the shadow map, texels.
+pub const SHADOW_SIZE: u32 = 1024;
+const KEY_RADIANCE: f32 = 1.7;
+const HEADLAMP_RADIANCE: f32 = 0.4;
+
+/// The record of one view. `rest` bounds the scene at rest (the tray lies under it and does not bob as the model moves),
+/// `posed` as it is now (the lamp's shadow map covers it).
+pub fn view_record(camera: &Camera, size: (u32, u32), scenery: &Scenery, rest: Bounds, posed: Bounds) -> Result<View, GpuError> {
+    camera.check()?;
+    let up = scenery.up.try_normalize().ok_or(GpuError::BadCamera("the scene's up is zero"))?;
+    let distance = camera.eye.distance(camera.target);
+    let aspect = f64::from(size.0) / f64::from(size.1);
+    let view_from_world = look_at_mat4(camera.eye, camera.target, camera.up);
+    // The near plane scales with the scene, so that millimetres and kilometres work alike.
+    let projection = perspective_infinite_reverse(camera.fov_y, aspect, 1e-3 * distance);
+    let axis = |row: usize| view_from_world.row(row).truncate();
+    let side = up.any_orthonormal_vector();
+    let front = if up == DVec3::Y { DVec3::Z } else { up.cross(side) };
+    let lamp = (0.80 * up + 0.50 * up.cross(front) + 0.36 * front).normalize();
+    let tan = (0.5 * camera.fov_y).tan();
+    let posed = if posed.is_empty() { Bounds { min: camera.target - 1e-3, max: camera.target + 1e-3 } } else { posed };
+    let rest = if rest.is_empty() { posed } else { rest };
+    let (light_from_world, world_per_texel) = light_frame(lamp, up, posed);
+    let radius = 0.5 * (rest.max - rest.min).length();
+    let centre = 0.5 * (rest.min + rest.max);
+    let lowest = rest.corners().iter().map(|c| c.dot(up)).fold(f64::INFINITY, f64::min) - 0.015 * radius;
+    let tray_centre = centre + up * (lowest - centre.dot(up));
+    Ok(View {
+        clip_from_world: (projection * view_from_world).as_mat4().to_cols_array_2d(),
+        light_from_world: light_from_world.as_mat4().to_cols_array_2d(),
+        eye: with_w(camera.eye, 0.0),
+        right: with_w(axis(0), (tan * aspect) as f32),
+        up: with_w(axis(1), tan as f32),
+        forward: with_w(-axis(2), 0.0),
+        scene_up: with_w(up, lowest as f32),
+        key_light: with_w(lamp, KEY_RADIANCE),
+        fill_light: with_w(axis(2), HEADLAMP_RADIANCE),
+        tray_centre: with_w(tray_centre, if scenery.tray { radius as f32 } else { 0.0 }),
+        size: [size.0 as f32, size.1 as f32, 1.0 / size.0 as f32, 1.0 / size.1 as f32],
+        shadow: [1.0 / SHADOW_SIZE as f32, 1e-3, world_per_texel as f32, f32::from(u8::from(scenery.shadow))],
+    })
+}
+
+/// Orthographic, around the sphere of `bounds`; depth 1 nearest the lamp. Second: metres a texel.
+fn light_frame(lamp: DVec3, up: DVec3, bounds: Bounds) -> (DMat4, f64) {
+    let centre = 0.5 * (bounds.min + bounds.max);
+    let radius = (0.5 * (bounds.max - bounds.min).length()).max(1e-9);
+    let steady_up = if lamp.cross(up).length_squared() > 1e-6 { up } else { lamp.any_orthonormal_vector() };
+    let view = look_at_mat4(centre + lamp * (2.0 * radius), centre, steady_up);
+    // Near and far swapped: reverse depth here too.
+    let projection = orthographic(-radius, radius, -radius, radius, 6.0 * radius, 0.5 * radius);
+    (projection * view, 2.0 * radius / f64::from(SHADOW_SIZE))
+}
+
+fn with_w(v: DVec3, w: f32) -> [f32; 4] {
+    [v.x as f32, v.y as f32, v.z as f32, w]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera() -> Camera {
+        Camera { eye: DVec3::new(0.0, 0.0, 3.0), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.9 }
+    }
+
+    fn record(camera: &Camera) -> Result<View, GpuError> {
+        let bounds = Bounds { min: DVec3::splat(-1.0), max: DVec3::splat(1.0) };
+        view_record(camera, (4, 3), &Scenery::default(), bounds, bounds)
+    }
+
+    #[test]
+    fn reverse_depth_falls_from_one_at_the_near_plane_to_zero_far_out() -> Result<(), GpuError> {
+        let view = record(&camera())?;
+        let clip = DMat4::from_cols_array_2d(&view.clip_from_world.map(|c| c.map(f64::from)));
+        let depth = |z: f64| {
+            let p = clip * DVec3::new(0.0, 0.0, z).extend(1.0);
+            p.z / p.w
+        };
+        assert!((depth(3.0 - 3e-3) - 1.0).abs() < 1e-3);
+        assert!(depth(0.0) > depth(-1.0) && depth(-1e9) < 1e-6 && depth(-1e9) > 0.0);
+        Ok(())
+    }
+
+    #[test]
+    fn the_whole_box_lies_in_the_picture_and_in_the_shadow_map() -> Result<(), GpuError> {
+        let bounds = Bounds { min: DVec3::new(-1.0, -2.0, -3.0), max: DVec3::new(1.0, 2.0, 3.0) };
+        let camera = Camera::framing(bounds, DVec3::new(1.0, 1.0, 1.0), DVec3::Y, 0.7, 1.0);
+        let view = view_record(&camera, (300, 300), &Scenery::default(), bounds, bounds)?;
+        for matrix in [view.clip_from_world, view.light_from_world] {
+            let clip = DMat4::from_cols_array_2d(&matrix.map(|c| c.map(f64::from)));
+            for corner in bounds.corners() {
+                let p = clip * corner.extend(1.0);
+                assert!(p.x.abs() <= p.w * 1.000_001 && p.y.abs() <= p.w * 1.000_001 && p.z > 0.0 && p.z < p.w, "{p}");
+            }
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn degenerate_cameras_are_told_so() {
+        let good = camera();
+        assert!(record(&good).is_ok());
+        for bad in [
+            Camera { eye: good.target, ..good },
+            Camera { up: DVec3::Z, ..good },
+            Camera { fov_y: 0.0, ..good },
+            Camera { fov_y: f64::NAN, ..good },
+            Camera { eye: DVec3::NAN, ..good },
+        ] {
+            assert!(record(&bad).is_err(), "{bad:?}");
+        }
+    }
+}

@@ -1,0 +1,215 @@
+//! The deform pass: skins and displaces all tissues in one dispatch, then all normals in another (MATHS 2).
+
+use super::arenas::{ArenaKind, Arenas};
+use super::context::Context;
+use super::types::{self, WorkItem};
+
+/// Vertices or wedges a workgroup.
+pub const GROUP: u32 = 64;
+/// Most workgroups along one axis of a dispatch.
+const MOST_GROUPS: u32 = 65_535;
+
+/// Which code the shaders hold. A static scene runs no skinning code, a resting one no displacement code.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Variant {
+    /// Some tissue has joints.
+    pub skinned: bool,
+    /// Some tissue is displaced or fading.
+    pub displaced: bool,
+}
+
+/// One of the two stages: a list of work, and a pipeline for each variant.
+#[derive(Debug)]
+struct Stage {
+    name: &'static str,
+    layout: wgpu::BindGroupLayout,
+    pipelines: [wgpu::ComputePipeline; 4],
+    work: WorkList,
+    bind_group: Option<(u64, wgpu::BindGroup)>,
+    storage: &'static [ArenaKind],
+}
+
+/// The two stages.
+#[derive(Debug)]
+pub struct DeformPass {
+    stages: [Stage; 2],
+}
+
+/// Arenas at bindings 2 and up; 5 is written.
+const DEFORM_ARENAS: [ArenaKind; 4] = [ArenaKind::Vertices, ArenaKind::Terms, ArenaKind::Vectors, ArenaKind::Deformed];
+const NORMALS_ARENAS: [ArenaKind; 6] =
+    [ArenaKind::Vertices, ArenaKind::Terms, ArenaKind::Vectors, ArenaKind::Deformed, ArenaKind::Faces, ArenaKind::Wedges];
+
+impl DeformPass {
+    /// Compiles the pipelines.
+    pub fn new(context: &Context) -> Self {
+        Self { stages: [Stage::new(context, "deform", &DEFORM_ARENAS), Stage::new(context, "normals", &NORMALS_ARENAS)] }
+    }
+
+    /// Starts new lists of work.
+    pub fn begin(&mut self) {
+        self.stages.iter_mut().for_each(|s| s.work.items.clear());
+    }
+
+    /// Adds a tissue.
+    pub fn add(&mut self, tissue: u32, vertices: u32, wedges: u32) {
+        for (stage, count) in self.stages.iter_mut().zip([vertices, wedges]) {
+            stage.work.items.extend((0..count).step_by(GROUP as usize).map(|first| WorkItem { tissue, first }));
+        }
+    }
+
+    /// Runs the work that was added. `tables` is the tissue table and a number that changes when it is replaced. Returns
+    /// dispatches and bytes uploaded.
+    pub fn encode(
+        &mut self,
+        context: &Context,
+        encoder: &mut wgpu::CommandEncoder,
+        arenas: &Arenas,
+        table: (&wgpu::Buffer, u64),
+        variant: Variant,
+    ) -> (u64, u64) {
+        let (mut dispatches, mut bytes) = (0, 0);
+        if self.stages[0].work.items.is_empty() {
+            return (0, 0);
+        }
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("deform"), timestamp_writes: None });
+        for stage in &mut self.stages {
+            let (groups, uploaded) = stage.work.upload(context);
+            bytes += uploaded;
+            stage.bind(context, arenas, table);
+            let Some((_, bind_group)) = &stage.bind_group else { continue };
+            if groups.0 > 0 {
+                pass.set_pipeline(&stage.pipelines[usize::from(variant.skinned) + 2 * usize::from(variant.displaced)]);
+                pass.set_bind_group(0, bind_group, &[]);
+                pass.dispatch_workgroups(groups.0, groups.1, 1);
+                dispatches += 1;
+            }
+        }
+        (dispatches, bytes)
+    }
+}
+
+impl Stage {
+    fn new(context: &Context, name: &'static str, storage: &'static [ArenaKind]) -> Self {
+        let device = context.device();
+        let entries: Vec<_> = (0..storage.len() as u32 + 2).map(|b| storage_entry(b, b != 5)).collect();
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(name), entries: &entries });
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some(name),
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(name),
+            source: wgpu::ShaderSource::Wgsl(types::shader(name).into()),
+        });
+        let pipelines = std::array::from_fn(|variant| {
+            let constants = [("skinned", (variant & 1) as f64), ("displaced", (variant >> 1) as f64)];
+            device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(name),
+                layout: Some(&pipeline_layout),
+                module: &module,
+                entry_point: Some(name),
+                compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
+                cache: None,
+            })
+        });
+        Self { name, layout, pipelines, work: WorkList::new(context), bind_group: None, storage }
+    }
+
+    fn bind(&mut self, context: &Context, arenas: &Arenas, table: (&wgpu::Buffer, u64)) {
+        let generation = arenas.generation() + table.1 + self.work.generation;
+        if self.bind_group.as_ref().is_some_and(|b| b.0 == generation) {
+            return;
+        }
+        let mut entries = vec![entry(0, table.0), entry(1, &self.work.buffer)];
+        entries.extend(self.storage.iter().enumerate().map(|(k, &kind)| entry(k as u32 + 2, arenas.buffer(kind))));
+        let bind_group = context.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(self.name),
+            layout: &self.layout,
+            entries: &entries,
+        });
+        self.bind_group = Some((generation, bind_group));
+    }
+}
+
+fn storage_entry(binding: u32, read_only: bool) -> wgpu::BindGroupLayoutEntry {
+    wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    }
+}
+
+fn entry(binding: u32, buffer: &wgpu::Buffer) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry { binding, resource: buffer.as_entire_binding() }
+}
+
+/// A list of workgroups' work, kept on the GPU as long as it stays the same.
+#[derive(Debug)]
+struct WorkList {
+    items: Vec<WorkItem>,
+    uploaded: Vec<WorkItem>,
+    buffer: wgpu::Buffer,
+    generation: u64,
+}
+
+impl WorkList {
+    fn new(context: &Context) -> Self {
+        Self { items: Vec::new(), uploaded: Vec::new(), buffer: Self::make(context, 256), generation: 0 }
+    }
+
+    fn make(context: &Context, items: usize) -> wgpu::Buffer {
+        context.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some("work"),
+            size: (items * size_of::<WorkItem>()) as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        })
+    }
+
+    /// Workgroups along x and y, and bytes uploaded.
+    fn upload(&mut self, context: &Context) -> ((u32, u32), u64) {
+        let groups = dispatch_shape(self.items.len() as u32);
+        self.items.resize(groups.0 as usize * groups.1 as usize, WorkItem { tissue: u32::MAX, first: 0 });
+        if self.items == self.uploaded {
+            return (groups, 0);
+        }
+        if self.buffer.size() < (self.items.len() * size_of::<WorkItem>()) as u64 {
+            self.buffer = Self::make(context, self.items.len() * 3 / 2);
+            self.generation += 1;
+        }
+        let bytes: &[u8] = bytemuck::cast_slice(&self.items);
+        context.queue().write_buffer(&self.buffer, 0, bytes);
+        self.uploaded.clone_from(&self.items);
+        (groups, bytes.len() as u64)
+    }
+}
+
+/// The flattest rectangle that holds `groups` workgroups.
+fn dispatch_shape(groups: u32) -> (u32, u32) {
+    if groups == 0 {
+        return (0, 0);
+    }
+    let rows = groups.div_ceil(MOST_GROUPS);
+    (groups.div_ceil(rows), rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dispatches_hold_all_groups_within_limits() {
+        for groups in [0, 1, 64, 65_535, 65_536, 1_000_000, 50_000_000] {
+            let (x, y) = dispatch_shape(groups);
+            assert!(x <= MOST_GROUPS && u64::from(x) * u64::from(y) >= u64::from(groups));
+            assert!(u64::from(x) * u64::from(y) < u64::from(groups) + u64::from(y.max(1)));
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Draws all tissues, and their shadows: vertex pulling from the arenas, one draw for each unbroken run of face slots.
+
+use super::arenas::{ArenaKind, Arenas};
+use super::context::Context;
+use super::materials::Materials;
+use super::stage::{PipelineShape, Stage};
+
+/// Pipelines and bind groups of the tissues.
+#[derive(Debug)]
+pub struct TissuePass {
+    layout: wgpu::BindGroupLayout,
+    shadow_layout: wgpu::BindGroupLayout,
+    tissue: wgpu::RenderPipeline,
+    shadow: wgpu::RenderPipeline,
+    sampler: wgpu::Sampler,
+    groups: Option<(u64, wgpu::BindGroup, wgpu::BindGroup)>,
+    /// First face slot and one past the last, of the arena.
+    runs: Vec<(u32, u32)>,
+}
+
+/// Bindings 1 to 4; the tissue table is 0.
+const ARENAS: [ArenaKind; 4] = [ArenaKind::Vertices, ArenaKind::Faces, ArenaKind::Wedges, ArenaKind::Deformed];
+/// Which of the bindings the shadow pass has: all but the rest positions.
+const SHADOW_BINDINGS: [u32; 4] = [0, 2, 3, 4];
+
+impl TissuePass {
+    /// Compiles the pipelines.
+    pub fn new(context: &Context, stage: &Stage) -> Self {
+        let device = context.device();
+        let entries = layout_entries();
+        let shadow_entries: Vec<_> = SHADOW_BINDINGS.iter().map(|&b| entries[b as usize]).collect();
+        let make_layout = |entries: &[wgpu::BindGroupLayoutEntry]| {
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("tissue"), entries })
+        };
+        let (layout, shadow_layout) = (make_layout(&entries), make_layout(&shadow_entries));
+        let layouts = [Some(&stage.layout), Some(&layout)];
+        let shape = PipelineShape {
+            shader: "tissue",
+            vertex: "corner",
+            fragment: Some("surface"),
+            layouts: &layouts,
+            topology: wgpu::PrimitiveTopology::TriangleList,
+            cull: None,
+            blend: false,
+            depth_write: true,
+            depth_test: true,
+            samples: context.samples(),
+        };
+        let tissue = shape.build(context);
+        let shadow_layouts = [Some(&stage.view_layout), Some(&shadow_layout)];
+        let shadow =
+            PipelineShape { shader: "shadow", vertex: "lamp_corner", fragment: None, layouts: &shadow_layouts, samples: 1, ..shape }
+                .build(context);
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("textures"),
+            address_mode_u: wgpu::AddressMode::Repeat,
+            address_mode_v: wgpu::AddressMode::Repeat,
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            mipmap_filter: wgpu::MipmapFilterMode::Linear,
+            ..Default::default()
+        });
+        Self { layout, shadow_layout, tissue, shadow, sampler, groups: None, runs: Vec::new() }
+    }
+
+    /// Brings bind groups and runs of faces up to date. `faces`: first slot and number of each tissue to be drawn.
+    pub fn prepare(
+        &mut self,
+        context: &Context,
+        arenas: &Arenas,
+        table: (&wgpu::Buffer, u64),
+        materials: &Materials,
+        faces: impl Iterator<Item = (u32, u32)>,
+    ) {
+        self.runs.clear();
+        self.runs.extend(faces.filter(|f| f.1 > 0).map(|(first, count)| (first, first + count)));
+        merge_runs(&mut self.runs);
+        let generation = arenas.generation() + table.1 + materials.generation();
+        if self.groups.as_ref().is_some_and(|g| g.0 == generation) {
+            return;
+        }
+        let textures = materials.texture_view();
+        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: table.0.as_entire_binding() }];
+        entries.extend(
+            ARENAS.iter().enumerate().map(|(k, &kind)| wgpu::BindGroupEntry {
+                binding: k as u32 + 1,
+                resource: arenas.buffer(kind).as_entire_binding(),
+            }),
+        );
+        let shadow_entries: Vec<_> = SHADOW_BINDINGS.iter().map(|&b| entries[b as usize].clone()).collect();
+        entries.push(wgpu::BindGroupEntry { binding: 5, resource: materials.buffer().as_entire_binding() });
+        entries.push(wgpu::BindGroupEntry { binding: 6, resource: wgpu::BindingResource::TextureView(&textures) });
+        entries.push(wgpu::BindGroupEntry { binding: 7, resource: wgpu::BindingResource::Sampler(&self.sampler) });
+        let make = |layout: &wgpu::BindGroupLayout, entries: &[wgpu::BindGroupEntry<'_>]| {
+            context.device().create_bind_group(&wgpu::BindGroupDescriptor { label: Some("tissue"), layout, entries })
+        };
+        self.groups = Some((generation, make(&self.layout, &entries), make(&self.shadow_layout, &shadow_entries)));
+    }
+
+    /// Draws what the lamp sees. Returns draws.
+    pub fn draw_shadow(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
+        let Some((_, _, group)) = &self.groups else { return 0 };
+        pass.set_pipeline(&self.shadow);
+        pass.set_bind_group(1, group, &[]);
+        self.draw_runs(pass)
+    }
+
+    /// Draws what the eye sees. Returns draws.
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
+        let Some((_, group, _)) = &self.groups else { return 0 };
+        pass.set_pipeline(&self.tissue);
+        pass.set_bind_group(1, group, &[]);
+        self.draw_runs(pass)
+    }
+
+    fn draw_runs(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
+        for &(first, end) in &self.runs {
+            pass.draw(first * 3..end * 3, 0..1);
+        }
+        self.runs.len() as u64
+    }
+}
+
+/// Face slots that are nobody's are nothing to look at, so a small gap costs less than a draw.
+const GAP: u32 = 4096;
+
+fn merge_runs(runs: &mut Vec<(u32, u32)>) {
+    runs.sort_unstable();
+    let mut kept = 0;
+    for i in 1..runs.len() {
+        if runs[i].0 <= runs[kept].1 + GAP {
+            runs[kept].1 = runs[kept].1.max(runs[i].1);
+        } else {
+            kept += 1;
+            runs[kept] = runs[i];
+        }
+    }
+    runs.truncate(kept + 1);
+}
+
+fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 8] {
+    let entry = |binding: u32, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+    let storage = wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Storage { read_only: true },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    let textures = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+        view_dimension: wgpu::TextureViewDimension::D2Array,
+        multisampled: false,
+    };
+    std::array::from_fn(|b| match b {
+        0..=4 => entry(b as u32, wgpu::ShaderStages::VERTEX, storage),
+        5 => entry(5, wgpu::ShaderStages::FRAGMENT, storage),
+        6 => entry(6, wgpu::ShaderStages::FRAGMENT, textures),
+        _ => entry(7, wgpu::ShaderStages::FRAGMENT, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_merge_over_small_gaps_only() {
+        let mut runs = vec![(20_000, 20_100), (0, 100), (128, 300)];
+        merge_runs(&mut runs);
+        assert_eq!(runs, [(0, 300), (20_000, 20_100)]);
+        merge_runs(&mut Vec::new());
+    }
+}

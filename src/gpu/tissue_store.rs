@@ -1,0 +1,393 @@
+//! A tissue's data on the GPU: its ranges in the arenas, what was uploaded last, and what has to be run again.
+
+use super::arenas::{ArenaKind, Arenas, Slot};
+use super::camera::Bounds;
+use super::context::Context;
+use super::error::GpuError;
+use super::types::{DISPLACED, FADING, FaceRecord, SKINNED, Term, TissueRecord, VertexRecord};
+use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
+use crate::geometry::VertexId;
+use glam::{DAffine3, DVec3};
+use std::ops::Range;
+
+/// Most tissues: 15 bits of a face's draw word.
+pub const MAX_TISSUES: usize = (1 << 15) - 1;
+
+/// The slots of one tissue.
+#[derive(Clone, Copy, Debug, Default)]
+struct Slots {
+    vertices: Slot,
+    bones: Slot,
+    rows: Slot,
+    influences: Slot,
+    joints: Slot,
+    displacements: Slot,
+    fades: Slot,
+    faces: Slot,
+    wedges: Slot,
+    positions: Slot,
+    normals: Slot,
+}
+
+impl Slots {
+    fn all(&mut self) -> [(ArenaKind, &mut Slot); 11] {
+        [
+            (ArenaKind::Vertices, &mut self.vertices),
+            (ArenaKind::Terms, &mut self.bones),
+            (ArenaKind::Terms, &mut self.rows),
+            (ArenaKind::Terms, &mut self.influences),
+            (ArenaKind::Vectors, &mut self.joints),
+            (ArenaKind::Vectors, &mut self.displacements),
+            (ArenaKind::Vectors, &mut self.fades),
+            (ArenaKind::Faces, &mut self.faces),
+            (ArenaKind::Wedges, &mut self.wedges),
+            (ArenaKind::Deformed, &mut self.positions),
+            (ArenaKind::Deformed, &mut self.normals),
+        ]
+    }
+}
+
+/// One tissue on the GPU.
+#[derive(Debug)]
+pub struct GpuTissue {
+    /// The record as it should be in the table.
+    pub record: TissueRecord,
+    /// True until the next deform pass: what was computed is out of date.
+    pub needs_deform: bool,
+    slots: Slots,
+    versions: Option<ViewVersions>,
+    /// Fades as uploaded, to find what changed.
+    fades: Vec<[f32; 4]>,
+    /// When the last fade ends, seconds.
+    fades_end_s: f64,
+    rest_bounds: RestBounds,
+    posed: Bounds,
+    largest_displacement: f64,
+    world_from_tissue: DAffine3,
+}
+
+/// Rest positions of the vertices each joint moves (the last: of those that no joint moves).
+#[derive(Debug, Default)]
+struct RestBounds {
+    joints: Vec<Bounds>,
+}
+
+impl GpuTissue {
+    /// Nothing yet, at a place of the table.
+    pub fn new(slot: u32) -> Self {
+        Self {
+            record: TissueRecord { slot, ..Default::default() },
+            needs_deform: true,
+            slots: Slots::default(),
+            versions: None,
+            fades: Vec::new(),
+            fades_end_s: f64::NEG_INFINITY,
+            rest_bounds: RestBounds::default(),
+            posed: Bounds::EMPTY,
+            largest_displacement: 0.0,
+            world_from_tissue: DAffine3::IDENTITY,
+        }
+    }
+
+    /// Face slots in the face arena: first and number.
+    pub fn faces(&self) -> (u32, u32) {
+        (self.slots.faces.start, self.slots.faces.len)
+    }
+
+    /// Final positions in the deformed arena.
+    pub fn positions(&self) -> Slot {
+        self.slots.positions
+    }
+
+    /// Final normals in the deformed arena.
+    pub fn normals(&self) -> Slot {
+        self.slots.normals
+    }
+
+    /// True if the materials were not seen in this version.
+    pub fn wants_materials(&self, versions: ViewVersions) -> bool {
+        self.versions.is_none_or(|v| v.materials != versions.materials)
+    }
+
+    /// Bounds at rest, world space.
+    pub fn rest_bounds(&self) -> Bounds {
+        let all = self.rest_bounds.joints.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
+        transformed(all, |p| self.world_from_tissue.transform_point3(p))
+    }
+
+    /// Bounds in the pose of the last sync, world space; wide enough for all displacements.
+    pub fn posed_bounds(&self) -> Bounds {
+        let wide = Bounds { min: self.posed.min - self.largest_displacement, max: self.posed.max + self.largest_displacement };
+        transformed(wide, |p| self.world_from_tissue.transform_point3(p))
+    }
+
+    /// Gives all ranges back.
+    pub fn release(&mut self, arenas: &mut Arenas) {
+        for (kind, slot) in self.slots.all() {
+            arenas.release(kind, slot);
+        }
+    }
+
+    /// Brings the GPU's copy up to date. On an error the tissue is unusable: release it.
+    pub fn sync(
+        &mut self,
+        context: &Context,
+        arenas: &mut Arenas,
+        view: &TissueView<'_>,
+        dirty: &TissueDirty,
+    ) -> Result<(), GpuError> {
+        let full = self.versions.is_none() || matches!(dirty, TissueDirty::Full);
+        self.reserve(context, arenas, view)?;
+        let ranges = match dirty {
+            TissueDirty::Ranges(ranges) if !full => ranges.clone(),
+            _ => full_ranges(view),
+        };
+        self.upload_structure(context, arenas, view, &ranges);
+        self.grow_rest_bounds(view, &ranges.vertices, full);
+        self.upload_motion(context, arenas, view);
+        self.fill_record(view);
+        self.versions = Some(view.versions);
+        Ok(())
+    }
+
+    fn reserve(&mut self, context: &Context, arenas: &mut Arenas, view: &TissueView<'_>) -> Result<(), GpuError> {
+        let (vertices, wedges) = (view.mesh.vertex_slots(), view.mesh.wedges().len());
+        let fades = if view.fades.is_empty() { self.slots.fades.len as usize } else { vertices };
+        let lengths = [
+            vertices,
+            view.rows.bones.arena().len(),
+            view.rows.rows.arena().len(),
+            view.map.influences.arena().len(),
+            view.pose.joint_matrices.len() * 3,
+            view.displacements.len(),
+            fades,
+            view.mesh.face_slots(),
+            wedges,
+            vertices,
+            wedges,
+        ];
+        let before = (self.slots.positions, self.slots.normals);
+        for ((kind, slot), len) in self.slots.all().into_iter().zip(lengths) {
+            // What the deform pass writes, it writes anew after a move.
+            arenas.resize(context, kind, slot, len, kind != ArenaKind::Deformed)?;
+        }
+        self.needs_deform |= before != (self.slots.positions, self.slots.normals);
+        Ok(())
+    }
+
+    fn upload_structure(&mut self, context: &Context, arenas: &mut Arenas, view: &TissueView<'_>, ranges: &DirtyRanges) {
+        let queue = context.queue();
+        let slots = &self.slots;
+        let before = arenas.bytes_uploaded();
+        for range in clamped(&ranges.vertices, slots.vertices.len) {
+            arenas.upload(&queue, ArenaKind::Vertices, slots.vertices, range, |v| vertex_record(view, v));
+        }
+        for range in clamped(&ranges.bones, slots.bones.len) {
+            let bones = view.rows.bones.arena();
+            let term = |k: usize| Term { index: bones[k].joint, weight: bones[k].weight };
+            arenas.upload(&queue, ArenaKind::Terms, slots.bones, range, term);
+        }
+        for range in clamped(&ranges.rows, slots.rows.len) {
+            let rows = view.rows.rows.arena();
+            let term = |k: usize| Term { index: rows[k].base.0, weight: rows[k].weight as f32 };
+            arenas.upload(&queue, ArenaKind::Terms, slots.rows, range, term);
+        }
+        for range in clamped(&ranges.influences, slots.influences.len) {
+            let influences = view.map.influences.arena();
+            let term = |k: usize| Term { index: influences[k].particle.0, weight: influences[k].weight };
+            arenas.upload(&queue, ArenaKind::Terms, slots.influences, range, term);
+        }
+        for range in clamped(&ranges.faces, slots.faces.len) {
+            let tissue = self.record.slot;
+            arenas.upload(&queue, ArenaKind::Faces, slots.faces, range, |f| face_record(view, f, tissue));
+        }
+        for range in clamped(&ranges.wedges, slots.wedges.len) {
+            arenas.upload(&queue, ArenaKind::Wedges, slots.wedges, range, |w| view.mesh.wedges()[w]);
+        }
+        self.needs_deform |= arenas.bytes_uploaded() != before;
+    }
+
+    /// Joint matrices, displacements and fades, each only if its version is new.
+    fn upload_motion(&mut self, context: &Context, arenas: &mut Arenas, view: &TissueView<'_>) {
+        let queue = context.queue();
+        let new = |pick: fn(&ViewVersions) -> u64| self.versions.is_none_or(|old| pick(&old) != pick(&view.versions));
+        let (pose, displacements, fades) = (new(|v| v.pose), new(|v| v.displacements), new(|v| v.fades));
+        if pose {
+            let joints = &view.pose.joint_matrices;
+            let row = |k: usize| joints[k / 3].rows[k % 3];
+            arenas.upload(&queue, ArenaKind::Vectors, self.slots.joints, 0..joints.len() * 3, row);
+            self.posed = self.rest_bounds.posed(view);
+        }
+        if displacements {
+            let vector = |p: usize| view.displacements[p].as_vec3().extend(0.0).to_array();
+            arenas.upload(&queue, ArenaKind::Vectors, self.slots.displacements, 0..view.displacements.len(), vector);
+            self.largest_displacement = view.displacements.iter().map(|u| u.length()).fold(0.0, f64::max);
+        }
+        if fades || self.fades.len() < view.fades.len() {
+            self.upload_fades(&queue, arenas, view);
+        }
+        self.needs_deform |= pose || displacements || fades;
+    }
+
+    /// Uploads the fades that differ from those on the GPU.
+    fn upload_fades(&mut self, queue: &wgpu::Queue, arenas: &mut Arenas, view: &TissueView<'_>) {
+        let bits = |f: &[f32; 4]| f.map(f32::to_bits);
+        self.fades_end_s = f64::NEG_INFINITY;
+        let known = self.fades.len();
+        let mut dirty: Option<Range<usize>> = None;
+        for (v, fade) in view.fades.iter().enumerate() {
+            if fade[..3] != [0.0; 3] {
+                self.fades_end_s = self.fades_end_s.max(f64::from(fade[3]) + view.fade_duration_s);
+            }
+            if v < known && bits(&self.fades[v]) == bits(fade) {
+                continue;
+            }
+            match &mut dirty {
+                Some(run) if v <= run.end + 8 => run.end = v + 1,
+                _ => {
+                    if let Some(run) = dirty.replace(v..v + 1) {
+                        arenas.upload(queue, ArenaKind::Vectors, self.slots.fades, run, |k| view.fades[k]);
+                    }
+                }
+            }
+        }
+        if let Some(run) = dirty {
+            arenas.upload(queue, ArenaKind::Vectors, self.slots.fades, run, |k| view.fades[k]);
+        }
+        self.fades.truncate(view.fades.len().max(known));
+        self.fades.resize(view.fades.len().max(known), [0.0; 4]);
+        self.fades[..view.fades.len()].copy_from_slice(view.fades);
+    }
+
+    fn fill_record(&mut self, view: &TissueView<'_>) {
+        let slots = &self.slots;
+        let fading = !view.fades.is_empty() && view.time_s < self.fades_end_s;
+        // When the last fade has ended, one more pass takes it off.
+        self.needs_deform |= fading || self.record.flags & FADING != 0;
+        let flag = |on: bool, bit: u32| if on { bit } else { 0 };
+        let time_high = if fading { view.time_s as f32 } else { 0.0 };
+        let size = self.rest_bounds.size();
+        self.world_from_tissue = view.world_from_tissue;
+        self.record = TissueRecord {
+            world_from_tissue: TissueRecord::rows_of(view.world_from_tissue),
+            vertices: slots.vertices.start,
+            vertex_count: slots.vertices.len,
+            bones: slots.bones.start,
+            rows: slots.rows.start,
+            influences: slots.influences.start,
+            faces: slots.faces.start,
+            face_count: slots.faces.len,
+            wedges: slots.wedges.start,
+            wedge_count: slots.wedges.len,
+            joints: slots.joints.start,
+            displacements: slots.displacements.start,
+            fades: slots.fades.start,
+            positions: slots.positions.start,
+            normals: slots.normals.start,
+            flags: flag(!view.pose.joint_matrices.is_empty(), SKINNED)
+                | flag(self.largest_displacement > 0.0, DISPLACED)
+                | flag(fading, FADING),
+            time_high,
+            time_low: if fading { (view.time_s - f64::from(time_high)) as f32 } else { 0.0 },
+            fade_duration: view.fade_duration_s as f32,
+            detail_scale: if size > 0.0 { (1.0 / size) as f32 } else { 1.0 },
+            ..self.record
+        };
+    }
+
+    fn grow_rest_bounds(&mut self, view: &TissueView<'_>, dirty: &[Range<usize>], full: bool) {
+        let joints = view.pose.joint_matrices.len();
+        if full || self.rest_bounds.joints.len() != joints + 1 {
+            self.rest_bounds.joints.clear();
+            self.rest_bounds.joints.resize(joints + 1, Bounds::EMPTY);
+            self.rest_bounds.grow(view, 0..view.rows.len());
+        } else {
+            for range in clamped(dirty, view.rows.len() as u32) {
+                self.rest_bounds.grow(view, range);
+            }
+        }
+        if full || !dirty.is_empty() {
+            self.posed = self.rest_bounds.posed(view);
+        }
+    }
+}
+
+impl RestBounds {
+    /// Takes in base vertices; embedded ones lie within their parents' hull.
+    fn grow(&mut self, view: &TissueView<'_>, vertices: Range<usize>) {
+        let unmoved = self.joints.len() - 1;
+        for v in vertices.filter(|&v| view.rows.is_base(VertexId::new(v))) {
+            let rest = glam::Vec3::from_array(view.rows.rest_position[v]).as_dvec3();
+            let bones = view.rows.bones.row(v);
+            if bones.is_empty() {
+                self.joints[unmoved] = self.joints[unmoved].with(rest);
+            }
+            for bone in bones.iter().filter(|b| b.weight > 0.0 && (b.joint as usize) < unmoved) {
+                let joint = &mut self.joints[bone.joint as usize];
+                *joint = joint.with(rest);
+            }
+        }
+    }
+
+    /// Union over joints of their posed boxes (MATHS 5.8).
+    fn posed(&self, view: &TissueView<'_>) -> Bounds {
+        let mut all = self.joints.last().copied().unwrap_or(Bounds::EMPTY);
+        for (joint, matrix) in self.joints.iter().zip(&view.pose.joint_matrices) {
+            all = all.union(transformed(*joint, |p| matrix.transform(p)));
+        }
+        all
+    }
+
+    /// Length of the diagonal at rest.
+    fn size(&self) -> f64 {
+        let all = self.joints.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
+        if all.is_empty() { 0.0 } else { (all.max - all.min).length() }
+    }
+}
+
+fn transformed(bounds: Bounds, transform: impl Fn(DVec3) -> DVec3) -> Bounds {
+    if bounds.is_empty() {
+        return Bounds::EMPTY;
+    }
+    bounds.corners().into_iter().fold(Bounds::EMPTY, |all, corner| all.with(transform(corner)))
+}
+
+fn clamped(ranges: &[Range<usize>], len: u32) -> impl Iterator<Item = Range<usize>> + '_ {
+    let len = len as usize;
+    ranges.iter().map(move |r| r.start.min(len)..r.end.min(len)).filter(|r| !r.is_empty())
+}
+
+/// Everything, as ranges; they are clamped on use.
+fn full_ranges(view: &TissueView<'_>) -> DirtyRanges {
+    let all = |len: usize| vec![0..len];
+    DirtyRanges {
+        vertices: all(view.mesh.vertex_slots()),
+        bones: all(view.rows.bones.arena().len()),
+        rows: all(view.rows.rows.arena().len()),
+        influences: all(view.map.influences.arena().len()),
+        faces: all(view.mesh.face_slots()),
+        wedges: all(view.mesh.wedges().len()),
+    }
+}
+
+fn vertex_record(view: &TissueView<'_>, v: usize) -> VertexRecord {
+    let span = |spans: &[crate::geometry::Span]| spans.get(v).map_or([0, 0], |s| [s.start, s.len]);
+    VertexRecord {
+        rest: view.rows.rest_position[v],
+        half_edge: view.mesh.all_vertex_half_edges()[v].0,
+        bones: span(view.rows.bones.spans()),
+        row: span(view.rows.rows.spans()),
+        influences: span(view.map.influences.spans()),
+    }
+}
+
+fn face_record(view: &TissueView<'_>, f: usize, tissue: u32) -> FaceRecord {
+    let info = view.mesh.all_face_infos()[f];
+    let wall = info.origin == u32::MAX;
+    FaceRecord {
+        wedges: view.mesh.all_face_wedges()[f].map(|w| w.0),
+        draw: info.material.min(0xffff) | tissue << 16 | u32::from(wall) << 31,
+        opposites: view.mesh.all_opposites()[f].map(|h| h.0),
+        section: info.section.0,
+    }
+}

@@ -1,0 +1,331 @@
+//! The structs that CPU and shaders share, mirrored by `shaders/types.wgsl` (a test compares them by reflection).
+
+use bytemuck::{Pod, Zeroable};
+
+/// Declares a GPU struct and lists its fields for the reflection test.
+macro_rules! gpu_struct {
+    ($(#[$doc:meta])* $name:ident { $($(#[$field_doc:meta])* $field:ident : $ty:ty),* $(,)? }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+        #[repr(C)]
+        pub struct $name {
+            $($(#[$field_doc])* pub $field: $ty,)*
+        }
+
+        impl $name {
+            /// Name, offset and size in bytes of each field.
+            pub const FIELDS: &'static [(&'static str, usize, usize)] =
+                &[$((stringify!($field), std::mem::offset_of!($name, $field), std::mem::size_of::<$ty>())),*];
+        }
+    };
+}
+
+gpu_struct!(
+    /// One tissue: where its data lies in the arenas, and what moves it. Indices inside a tissue's data are local.
+    TissueRecord {
+        /// Rows of the 3 x 4 transform.
+        world_from_tissue: [[f32; 4]; 3],
+        /// First vertex record.
+        vertices: u32,
+        /// Vertices, dead ones included.
+        vertex_count: u32,
+        /// First bone term.
+        bones: u32,
+        /// First row term.
+        rows: u32,
+        /// First influence term.
+        influences: u32,
+        /// First face record.
+        faces: u32,
+        /// Face slots, dead ones included.
+        face_count: u32,
+        /// First wedge.
+        wedges: u32,
+        /// Wedges.
+        wedge_count: u32,
+        /// First of three vectors a joint.
+        joints: u32,
+        /// First of one vector a particle.
+        displacements: u32,
+        /// First of one vector a vertex; read only while [`FADING`].
+        fades: u32,
+        /// First final position.
+        positions: u32,
+        /// First final normal, one a wedge.
+        normals: u32,
+        /// First material.
+        materials: u32,
+        /// Materials.
+        material_count: u32,
+        /// [`SKINNED`], [`DISPLACED`], [`FADING`].
+        flags: u32,
+        /// Its own position in the table.
+        slot: u32,
+        /// Seconds; the time is the sum of both, so that long sessions fade as smoothly as short ones.
+        time_high: f32,
+        /// The rest of the time.
+        time_low: f32,
+        /// Seconds.
+        fade_duration: f32,
+        /// One over the diagonal.
+        detail_scale: f32,
+        /// Zero.
+        padding_0: u32,
+        /// Zero.
+        padding_1: u32,
+    }
+);
+
+/// The tissue has joints.
+pub const SKINNED: u32 = 1;
+/// Some particle of the tissue is displaced.
+pub const DISPLACED: u32 = 2;
+/// Some vertex of the tissue still fades (MATHS 2.2).
+pub const FADING: u32 = 4;
+
+gpu_struct!(
+    /// A topological vertex. Spans are (start, length) in the tissue's term ranges.
+    VertexRecord {
+        /// Rest position, tissue space, metres.
+        rest: [f32; 3],
+        /// One half-edge, all bits set where dead.
+        half_edge: u32,
+        /// Bones.
+        bones: [u32; 2],
+        /// Row over base vertices (MATHS 1.1); empty for base vertices.
+        row: [u32; 2],
+        /// Influences.
+        influences: [u32; 2],
+    }
+);
+
+gpu_struct!(
+    /// One term of a sum: a joint, a base vertex or a particle, and its weight.
+    Term {
+        /// What is weighted.
+        index: u32,
+        /// How much.
+        weight: f32,
+    }
+);
+
+gpu_struct!(
+    /// A face slot; a dead one repeats one wedge.
+    FaceRecord {
+        /// Wedges of the corners.
+        wedges: [u32; 3],
+        /// Bits 0-15 material, 16-30 tissue slot, 31 set for walls and caps.
+        draw: u32,
+        /// Opposite half-edges.
+        opposites: [u32; 3],
+        /// Section.
+        section: u32,
+    }
+);
+
+gpu_struct!(
+    /// 64 vertices (or wedges) of one tissue: the work of one workgroup.
+    WorkItem {
+        /// Slot of the tissue; all bits set for nothing to do.
+        tissue: u32,
+        /// First vertex or wedge, local.
+        first: u32,
+    }
+);
+
+gpu_struct!(
+    /// How a surface answers light.
+    Material {
+        /// Linear RGBA factor.
+        base_colour: [f32; 4],
+        /// Layer of the texture array; 0 is white.
+        layer: u32,
+        /// GGX roughness of the surface under its film.
+        roughness: f32,
+        /// 0 dry, 1 under a film of water.
+        wetness: f32,
+        /// 0 opaque, 1 flesh.
+        scatter: f32,
+    }
+);
+
+gpu_struct!(
+    /// One view of the scene.
+    View {
+        /// Reverse depth, infinite far plane.
+        clip_from_world: [[f32; 4]; 4],
+        /// Of the shadow map.
+        light_from_world: [[f32; 4]; 4],
+        /// Camera position.
+        eye: [f32; 4],
+        /// Camera axis; w is tan(fov_y / 2) * aspect.
+        right: [f32; 4],
+        /// Camera axis; w is tan(fov_y / 2).
+        up: [f32; 4],
+        /// Camera axis.
+        forward: [f32; 4],
+        /// Which way is up in the scene; w is the tray's height along it.
+        scene_up: [f32; 4],
+        /// Towards the lamp; w its radiance.
+        key_light: [f32; 4],
+        /// Towards the fill light; w its radiance.
+        fill_light: [f32; 4],
+        /// Centre of the tray; w its radius, 0 for none.
+        tray_centre: [f32; 4],
+        /// Width, height and their inverses.
+        size: [f32; 4],
+        /// Texel size, depth bias, normal offset, 1 if there is a shadow map.
+        shadow: [f32; 4],
+    }
+);
+
+gpu_struct!(
+    /// A coloured segment of the inspection layers; a point where both ends are the same.
+    Line {
+        /// One end, world space.
+        a: [f32; 3],
+        /// Pixels.
+        width: f32,
+        /// The other end.
+        b: [f32; 3],
+        /// RGBA8, linear, red lowest.
+        colour: u32,
+    }
+);
+
+/// All shaders: name and full text, `types.wgsl` in front.
+pub const SHADERS: [(&str, &str); 6] = [
+    (
+        "deform",
+        concat!(
+            include_str!("../../shaders/types.wgsl"),
+            include_str!("../../shaders/skin.wgsl"),
+            include_str!("../../shaders/deform.wgsl")
+        ),
+    ),
+    (
+        "normals",
+        concat!(
+            include_str!("../../shaders/types.wgsl"),
+            include_str!("../../shaders/skin.wgsl"),
+            include_str!("../../shaders/normals.wgsl")
+        ),
+    ),
+    (
+        "tissue",
+        concat!(
+            include_str!("../../shaders/types.wgsl"),
+            include_str!("../../shaders/light.wgsl"),
+            include_str!("../../shaders/tissue.wgsl")
+        ),
+    ),
+    (
+        "ground",
+        concat!(
+            include_str!("../../shaders/types.wgsl"),
+            include_str!("../../shaders/light.wgsl"),
+            include_str!("../../shaders/ground.wgsl")
+        ),
+    ),
+    ("shadow", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/shadow.wgsl"))),
+    ("lines", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/lines.wgsl"))),
+];
+
+/// Full text of a shader of [`SHADERS`]; empty for an unknown name.
+pub fn shader(name: &str) -> &'static str {
+    SHADERS.iter().find(|s| s.0 == name).map_or("", |s| s.1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Wedge;
+    use naga::valid::{Capabilities, ValidationFlags, Validator};
+
+    type Field = (String, usize, usize);
+
+    fn parse(text: &str) -> naga::Module {
+        naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{}", e.emit_to_string(text)))
+    }
+
+    /// Fields of a WGSL struct, by reflection, and its size.
+    fn reflect(module: &naga::Module, name: &str) -> Option<(Vec<Field>, usize)> {
+        let mut layouter = naga::proc::Layouter::default();
+        layouter.update(module.to_ctx()).expect("the module is sound");
+        let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name))?;
+        let naga::TypeInner::Struct { members, span } = &ty.inner else { return None };
+        let field =
+            |m: &naga::StructMember| (m.name.clone().unwrap_or_default(), m.offset as usize, layouter[m.ty].size as usize);
+        Some((members.iter().map(field).collect(), *span as usize))
+    }
+
+    fn mirrors(module: &naga::Module, name: &str, fields: &[(&str, usize, usize)], size: usize) -> bool {
+        let ours: Vec<Field> = fields.iter().map(|f| (f.0.to_owned(), f.1, f.2)).collect();
+        reflect(module, name) == Some((ours, size))
+    }
+
+    const WEDGE_FIELDS: &[(&str, usize, usize)] = &[
+        ("vertex", std::mem::offset_of!(Wedge, vertex), 4),
+        ("group", std::mem::offset_of!(Wedge, group), 4),
+        ("uv", std::mem::offset_of!(Wedge, uv), 8),
+        ("normal", std::mem::offset_of!(Wedge, normal), 12),
+        ("colour", std::mem::offset_of!(Wedge, colour), 4),
+    ];
+
+    #[test]
+    fn every_struct_mirrors_the_shaders() {
+        let text = include_str!("../../shaders/types.wgsl");
+        let module = parse(text);
+        let ours = [
+            ("TissueRecord", TissueRecord::FIELDS, size_of::<TissueRecord>()),
+            ("VertexRecord", VertexRecord::FIELDS, size_of::<VertexRecord>()),
+            ("Term", Term::FIELDS, size_of::<Term>()),
+            ("FaceRecord", FaceRecord::FIELDS, size_of::<FaceRecord>()),
+            ("Wedge", WEDGE_FIELDS, size_of::<Wedge>()),
+            ("WorkItem", WorkItem::FIELDS, size_of::<WorkItem>()),
+            ("Material", Material::FIELDS, size_of::<Material>()),
+            ("View", View::FIELDS, size_of::<View>()),
+            ("Line", Line::FIELDS, size_of::<Line>()),
+        ];
+        for (name, fields, size) in ours {
+            assert!(mirrors(&module, name, fields, size), "{name}: {:?} against {fields:?}", reflect(&module, name));
+        }
+        assert_eq!(text.matches("\nstruct ").count(), ours.len(), "a struct of types.wgsl is not compared");
+    }
+
+    #[test]
+    fn a_struct_that_differs_is_found() {
+        let right = "struct Term { index: u32, weight: f32 }";
+        for wrong in [
+            "struct Term { index: u32, wait: f32 }",
+            "struct Term { weight: f32, index: u32 }",
+            "struct Term { index: u32, weight: vec3f }",
+            "struct Term { index: u32, weight: f32, more: u32 }",
+            "struct Other { index: u32, weight: f32 }",
+        ] {
+            assert!(mirrors(&parse(right), "Term", Term::FIELDS, 8));
+            assert!(!mirrors(&parse(wrong), "Term", Term::FIELDS, 8), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn flags_and_constants_agree() {
+        let module = parse(include_str!("../../shaders/types.wgsl"));
+        for (name, value) in [("SKINNED", SKINNED), ("DISPLACED", DISPLACED), ("FADING", FADING), ("NONE", u32::MAX)] {
+            let (_, constant) = module.constants.iter().find(|c| c.1.name.as_deref() == Some(name)).expect(name);
+            let literal = &module.global_expressions[constant.init];
+            assert!(matches!(literal, naga::Expression::Literal(naga::Literal::U32(v)) if *v == value), "{name}");
+        }
+    }
+
+    #[test]
+    fn all_shaders_are_valid() {
+        for (name, text) in SHADERS {
+            let module = parse(text);
+            let valid = Validator::new(ValidationFlags::all(), Capabilities::default()).validate(&module);
+            assert!(valid.is_ok(), "{name}: {}", valid.unwrap_err().emit_to_string(text));
+            assert!(shader(name) == text && !module.entry_points.is_empty());
+        }
+        assert!(naga::front::wgsl::parse_str("fn broken( {").is_err());
+    }
+}
