@@ -27,4 +27,6 @@ pub mod gpu;
 pub mod particles;
 pub mod physics;
 pub mod rig;
+pub mod scene;
 pub mod surgery;
+pub mod tissue;

@@ -6,14 +6,15 @@ use common::Solid;
 use glam::{DMat3, DQuat, DVec3};
 use incise::geometry::{FaceId, Plane, VertexId};
 use incise::surgery::plane_cut::{PlaneCutScratch, plane_cut};
-use incise::surgery::tear::{Body, BodySide, TearScratch, TearStep, tear_step};
+use incise::surgery::Side;
+use incise::surgery::tear::{Body, TearScratch, TearStep, tear_step};
 use proptest::prelude::*;
 
 /// A box with axes `axes` (columns), centre and half extents, as six planes through its corners.
 #[derive(Debug)]
 struct Hexahedron {
     planes: Vec<Plane>,
-    sides: Vec<BodySide>,
+    sides: Vec<Side>,
     min: DVec3,
     max: DVec3,
 }
@@ -35,7 +36,7 @@ impl Hexahedron {
             }
         }
         let corners: Vec<DVec3> = (0..8).map(|i| corner(f64::from(i & 1) * 2.0 - 1.0, f64::from(i >> 1 & 1) * 2.0 - 1.0, f64::from(i >> 2) * 2.0 - 1.0)).collect();
-        let sides = vec![BodySide::Start, BodySide::End, BodySide::Minus, BodySide::Plus, BodySide::Floor, BodySide::Top];
+        let sides = vec![Side::Start, Side::End, Side::Minus, Side::Plus, Side::Floor, Side::Top];
         let min = corners.iter().copied().reduce(DVec3::min).unwrap();
         let max = corners.iter().copied().reduce(DVec3::max).unwrap();
         for plane in &planes {

@@ -146,7 +146,7 @@ fn tissue_view<'a>(tissue: &'a Tissue, materials: &'a [MaterialView<'a>]) -> Tis
         mesh: tissue.mesh(),
         rows: tissue.rows(),
         map: tissue.layer().map_or(&NO_PARTICLES, |l| &l.map),
-        displacements: tissue.layer().map_or(&[], |l| l.network.displacements()),
+        displacements: tissue.layer().map_or(&[], |l| l.displacements()),
         fades: &tissue.fades().entries,
         fade_duration_s: tissue.fades().duration_s,
         time_s: tissue.time_s(),

@@ -41,7 +41,7 @@ fn particles(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     let Some(layer) = tissue.layer() else { return };
     let at = |p: usize| {
         let anchor = layer.map.anchors[p];
-        anchor.is_some().then(|| tissue.skinned(anchor) + layer.network.displacements()[p] + tissue.offset())
+        anchor.is_some().then(|| tissue.skinned(anchor) + layer.displacements()[p] + tissue.offset())
     };
     for p in 0..layer.map.len() {
         let Some(a) = at(p) else { continue };

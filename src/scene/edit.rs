@@ -3,7 +3,7 @@
 use super::history::{Change, Unit};
 use super::report::{EditReport, Outcome, PieceReport};
 use super::{Scene, TissueId};
-use crate::geometry::{FaceId, Plane};
+use crate::geometry::{FaceId, Plane, VertexId};
 use crate::surgery::BladePose;
 use crate::tissue::stroke::TearStroke;
 use crate::tissue::{Tissue, TissueDelta};
@@ -151,7 +151,7 @@ impl Scene {
                 continue;
             }
             report.outcome = report.outcome.max_tear(Outcome::Torn);
-            let severed = report.stages_time("components", || before.new_components(tissue));
+            let severed = report.stages.time("components", || before.new_components(tissue));
             if !severed.is_empty() {
                 report.outcome = Outcome::Severed;
             }
@@ -185,8 +185,8 @@ impl Scene {
             report.new_vertices += outcome.new_vertices.len();
             report.intersection_points += outcome.intersection_points;
             let off = outcome.new_vertices.iter().map(|n| local.distance(tissue.position(n.vertex)).abs());
-            report.max_plane_distance = report.max_plane_distance.max(off.reduce(f64::max));
-            let mut components = report.stages_time("components", || tissue.component_faces());
+            report.max_plane_distance = Some(off.fold(report.max_plane_distance.unwrap_or(0.0), f64::max));
+            let mut components = report.stages.time("components", || tissue.component_faces());
             let largest = (0..components.len()).max_by_key(|&c| (components[c].len(), std::cmp::Reverse(c)));
             components.remove(largest.unwrap_or(0));
             let made = self.separate(id, components, Vec::new(), &mut unit, &mut report);
@@ -212,15 +212,14 @@ impl Scene {
     ) -> Vec<TissueId> {
         let mut made = Vec::new();
         let Some(tissue) = self.tissues.get_mut(&id) else { return made };
-        let separated = !parts.is_empty();
         let mut pieces = Vec::new();
-        report.stages_time("pieces", || {
-            for faces in parts {
-                let name = tissue.name.clone();
-                pieces.push(tissue.extract_piece(&faces, name));
-            }
-            if separated {
-                tissue.restrict_particles();
+        report.stages.time("pieces", || {
+            let mut removed: Vec<VertexId> = parts.iter().flatten().flat_map(|&f| tissue.mesh().face(f)).collect();
+            removed.sort_unstable();
+            removed.dedup();
+            pieces.extend(parts.iter().map(|faces| tissue.extract_piece(faces)));
+            if !removed.is_empty() {
+                tissue.forget_vertices(&removed);
             }
         });
         note_delta(&mut self.changes, id, tissue, &mut deltas);
@@ -293,12 +292,6 @@ fn shifted(plane: &Plane, offset: DVec3) -> Plane {
 impl Outcome {
     fn max_tear(self, other: Outcome) -> Outcome {
         if self == Outcome::Severed { self } else { other }
-    }
-}
-
-impl EditReport {
-    fn stages_time<T>(&mut self, stage: &'static str, work: impl FnOnce() -> T) -> T {
-        self.stages.time(stage, work)
     }
 }
 

@@ -26,7 +26,7 @@ impl Scene {
                     let anchor = layer.map.anchors[p.index()];
                     anchor.is_some() && tissue.position(anchor).distance(center) <= radius
                 })
-                .map(|p| (p, layer.network.displacements()[p.index()]))
+                .map(|p| (p, layer.displacements()[p.index()]))
                 .collect();
             if !particles.is_empty() {
                 held.push((tissue_id, particles));

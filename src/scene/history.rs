@@ -5,7 +5,6 @@ use crate::tissue::{Tissue, TissueDelta};
 use std::sync::Arc;
 
 /// One change of one unit. `Edited` lists the deltas of a tissue, oldest first in time of application.
-#[derive(Debug)]
 pub(super) enum Change {
     /// A tissue was edited.
     Edited(TissueId, Vec<Arc<TissueDelta>>),
@@ -14,13 +13,13 @@ pub(super) enum Change {
 }
 
 /// What one undo takes back: one stroke, one cut.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct Unit {
     pub changes: Vec<Change>,
 }
 
 /// Units that can be undone, and units that can be redone.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct History {
     undo: Vec<Unit>,
     redo: Vec<Unit>,

@@ -1,7 +1,20 @@
 //! Blade paths, boxes, the tear, the plane cut (MATHS 5 and 6).
 
+pub mod blade_path;
+pub mod boxes;
+pub mod boxes_obj;
+pub mod chain;
 pub mod clip;
 pub mod insert;
+pub mod path_sampler;
 pub mod plane_cut;
 pub mod region;
+pub mod stroke;
 pub mod tear;
+
+pub use blade_path::{BladePath, BladePose, EntryPoint, PathError, Sampling, SamplingSettings, SettingError, Surface};
+pub use boxes::{HalfSpace, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, plane_side};
+pub use boxes_obj::write_boxes;
+pub use chain::{ChainBuilder, ClippedSample};
+pub use path_sampler::{PathSample, PathSampler, SampleKind};
+pub use stroke::{Stroke, WallMode, tear_segments};

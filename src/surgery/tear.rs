@@ -4,27 +4,11 @@
 //! neighbours across split edges, retriangulate, replace, split vertices left with several fans. No vertex is moved.
 
 use super::clip::{Carrier, ClippedFace, MAX_PLANES, PlaneValues, Point, point_sign, point_weights};
+use super::boxes::Side;
 use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker};
 use super::region::{Region, RegionPoint};
 use crate::geometry::{FaceId, FaceInfo, HalfEdge, Mesh, NewFace, Plane, SplitVertex, TopologyScratch, VertexId, WedgeId};
 use glam::DVec3;
-
-/// What a plane of the body is for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BodySide {
-    /// Joint with the body before.
-    Start,
-    /// Joint with the body after.
-    End,
-    /// Wall to the left of travel.
-    Minus,
-    /// Wall to the right of travel.
-    Plus,
-    /// At the blade's tip.
-    Floor,
-    /// At the blade's base, outside the tissue.
-    Top,
-}
 
 /// A convex body: the meet of the negative sides of its planes, at most [`MAX_PLANES`].
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +16,7 @@ pub struct Body<'a> {
     /// Planes with outward normals.
     pub planes: &'a [Plane],
     /// What each plane is for.
-    pub sides: &'a [BodySide],
+    pub sides: &'a [Side],
     /// Bounds, padded by rounding.
     pub min: DVec3,
     /// Bounds, padded by rounding.
@@ -329,13 +313,13 @@ impl TearScratch {
         }
         self.region.points[local as usize].lines |= u32::from(planes) << 3;
         let vertex = self.locals[local as usize].0;
-        let on = |side: BodySide| (0..body.planes.len()).any(|k| planes >> k & 1 == 1 && body.sides[k] == side);
-        if on(BodySide::Minus) {
+        let on = |side: Side| (0..body.planes.len()).any(|k| planes >> k & 1 == 1 && body.sides[k] == side);
+        if on(Side::Minus) {
             out.lips.push(LipPoint { vertex, side: -1 });
-        } else if on(BodySide::Plus) {
+        } else if on(Side::Plus) {
             out.lips.push(LipPoint { vertex, side: 1 });
         }
-        if on(BodySide::End) {
+        if on(Side::End) {
             self.zero.push(OnPlanes { vertex, planes });
         }
     }

@@ -1,10 +1,10 @@
 //! What every edit of a tissue shares: inserted vertices get rows, influences and fades, so that nothing pops (MATHS 2.2);
 //! and the plane cut itself. Tears are in [`super::stroke`].
 
-use super::{Posed, Tissue};
+use super::{Posed, Tissue, topology};
 use crate::diagnostics::Stages;
 use crate::geometry::{Plane, VertexId};
-use crate::particles::{MapEdit, MapUpdateReport, MapUpdateScratch, MapVertex, update_after_edit};
+use crate::particles::{Influence, LipVertex, MapEdit, MapUpdateReport, update_after_edit};
 use crate::surgery::insert::NewVertex;
 use crate::surgery::plane_cut::{PlaneCutOutcome, PlaneCutScratch, plane_cut};
 use glam::DVec3;
@@ -48,48 +48,37 @@ impl Tissue {
     }
 
     /// Brings the particle map up to date after an edit and holds every vertex it concerns where it was: inserted ones on
-    /// the cut edge, others at their own place. `strips` are new ones, already pushed; `lips` their lip sides.
+    /// the cut edge, others at their own place. `removed` lists vertices that no face uses any more. `strips` are new ones, already pushed; `lips` their lip sides.
     pub(super) fn update_map(
         &mut self,
         new: &[NewVertex],
-        touched: &[VertexId],
+        removed: &[VertexId],
         strips: Range<usize>,
-        lips: &[crate::particles::LipVertex],
+        lips: &[LipVertex],
     ) -> MapUpdateReport {
         let Some(layer) = &mut self.layer else {
             self.fade_from(new.iter().map(|n| (n.vertex, n.position)));
             return MapUpdateReport::default();
         };
-        let vertices: Vec<MapVertex> = new.iter().map(|n| MapVertex { vertex: n.vertex, parents: n.parents().to_vec() }).collect();
-        let edit = MapEdit { new_vertices: &vertices, touched, strips, lips };
+        let vertices: Vec<_> =
+            new.iter().map(|n| crate::particles::NewVertex { vertex: n.vertex, parents: n.parents.map(|p| p.0) }).collect();
+        let edit = MapEdit { new_vertices: &vertices, removed_vertices: removed, new_strips: strips, lips };
         let old_len = layer.map.influences.rows();
         let untouched = layer.map.influences.clone();
-        let report = update_after_edit(
-            &self.mesh,
-            &self.rest,
-            &mut layer.map,
-            &mut layer.strips,
-            &edit,
-            &layer.settings,
-            &mut MapUpdateScratch::default(),
-        );
-        layer.sync_network(self.diagonal);
-        let layer = &*layer;
-        let moved = |v: VertexId| -> DVec3 {
-            let row = untouched.row(v.index());
-            row.iter().map(|i| layer.network.displacements()[i.particle.index()] * f64::from(i.weight)).sum()
+        let scratch = &mut self.scratch.update;
+        let report = update_after_edit(&self.mesh, &self.rest, &mut layer.map, &mut layer.strips, &edit, &layer.settings, scratch);
+        layer.network.set_topology(&topology(&layer.map), None);
+        let displaced = |row: &[Influence]| -> DVec3 {
+            row.iter().map(|i| layer.displacements()[i.particle.index()] * f64::from(i.weight)).sum()
         };
-        let mut targets: Vec<(VertexId, DVec3)> = new.iter().map(|n| (n.vertex, n.position)).collect();
-        for &v in report.vertices_changed.iter().filter(|v| v.index() < old_len && self.mesh.vertex_is_live(**v)) {
-            let now: DVec3 = layer
-                .map
-                .influences
-                .row(v.index())
-                .iter()
-                .map(|i| layer.network.displacements()[i.particle.index()] * f64::from(i.weight))
-                .sum();
-            targets.push((v, self.position(v) + moved(v) - now));
-        }
+        let moved: Vec<(VertexId, DVec3)> = report
+            .vertices_changed
+            .iter()
+            .filter(|v| v.index() < old_len && self.mesh.vertex_is_live(**v))
+            .map(|&v| (v, displaced(untouched.row(v.index())) - displaced(layer.map.influences.row(v.index()))))
+            .collect();
+        let inserted = new.iter().map(|n| (n.vertex, n.position));
+        let targets: Vec<(VertexId, DVec3)> = moved.into_iter().map(|(v, by)| (v, self.position(v) + by)).chain(inserted).collect();
         self.fade_from(targets.into_iter());
         report
     }

@@ -102,7 +102,7 @@ impl Tissue {
         self.validate_sections()?;
         if let Some(layer) = &self.layer {
             layer.strips.validate()?;
-            crate::particles::validate(&self.mesh, &self.rest, &layer.map, &layer.strips)?;
+            layer.map.validate(&self.mesh, &self.rest, &layer.strips)?;
             if layer.network.displacements().len() != layer.map.len() {
                 return Err("the network and the particle map differ in length".into());
             }

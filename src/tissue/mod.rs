@@ -1,6 +1,5 @@
 //! A tissue: mesh, rig, particles and dynamics of one soft body. Tissue space is metres relative to the tissue's origin.
 
-mod cover;
 pub mod edit;
 mod history;
 pub mod measure;
@@ -10,9 +9,10 @@ pub mod stroke;
 mod surface;
 
 use crate::formats::{Material, Model};
-use crate::geometry::{Mesh, StateHash, VertexId};
-use crate::particles::{ParticleMap, ParticleMapDelta, ParticleSettings, Strips, StripsDelta, poisson};
-use crate::physics::{Network, NetworkSettings};
+use crate::geometry::{Mesh, ParticleId, StateHash, VertexId};
+use crate::particles::{ParticleMap, ParticleMapDelta, ParticleSettings, Strips, StripsDelta, UpdateScratch, sample};
+use crate::physics::direct_displacement::target;
+use crate::physics::{Network, NetworkSettings, NetworkTopology, StepScratch};
 use crate::rig::{Fades, Pose, PoseScratch, Rig, VertexRows, VertexRowsDelta, final_position};
 use glam::DVec3;
 use sections::SectionBounds;
@@ -58,7 +58,6 @@ pub struct Versions {
 }
 
 /// One soft body.
-#[derive(Debug)]
 pub struct Tissue {
     /// For people.
     pub name: String,
@@ -94,7 +93,7 @@ impl Posed<'_> {
         let (row, displacements) = match self.layer {
             // a vertex inserted a moment ago has no row yet
             Some(layer) if v.index() < layer.map.influences.rows() => {
-                (layer.map.influences.row(v.index()), layer.network.displacements())
+                (layer.map.influences.row(v.index()), layer.displacements())
             }
             _ => (&[][..], &[][..]),
         };
@@ -104,10 +103,27 @@ impl Posed<'_> {
 }
 
 /// Buffers of one tissue, kept between frames.
-#[derive(Debug, Default)]
+#[derive(Default)]
 struct TissueScratch {
     pose: PoseScratch,
-    rest_displacements: Vec<DVec3>,
+    step: StepScratch,
+    update: UpdateScratch,
+    rest_displacements: Vec<[f64; 3]>,
+    /// Held particles: id, anchor as skinned, displacement.
+    held: Vec<(ParticleId, DVec3, DVec3)>,
+    grabs: Vec<(ParticleId, DVec3)>,
+}
+
+/// The network of a map.
+fn topology(map: &ParticleMap) -> NetworkTopology {
+    NetworkTopology::from_rows(map.len(), |p| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight)))
+}
+
+impl SoftLayer {
+    /// Displacements `u` of all particles, tissue space, metres.
+    pub fn displacements(&self) -> &[DVec3] {
+        bytemuck::cast_slice(self.network.displacements())
+    }
 }
 
 /// Everything that one edit changed in a tissue (MATHS 7). Proportional to what was touched.
@@ -180,12 +196,11 @@ impl Tissue {
         for warning in settings.validate()? {
             tracing::warn!("{warning}");
         }
-        let anchors = poisson::sample(&self.mesh, &self.rest, settings.spacing, settings.seed);
+        let anchors = sample(&self.mesh, &self.rest, settings.spacing, settings.seed);
         let (map, report) = ParticleMap::build(&self.mesh, &self.rest, &anchors, &settings);
         tracing::debug!(particles = anchors.len(), truncation = report.truncation_error, "soft layer");
-        let mut layer = SoftLayer { settings, map, strips: Strips::default(), network: Network::new(network) };
-        layer.sync_network(self.diagonal);
-        Ok(layer)
+        let network = Network::new(&topology(&map), network, self.diagonal)?;
+        Ok(SoftLayer { settings, map, strips: Strips::default(), network })
     }
 
     fn build_sections(&mut self) {
@@ -292,9 +307,8 @@ impl Tissue {
     }
 
     fn sync_network(&mut self) {
-        let diagonal = self.diagonal;
         if let Some(layer) = &mut self.layer {
-            layer.sync_network(diagonal);
+            layer.network.set_topology(&topology(&layer.map), None);
         }
     }
 
@@ -308,19 +322,42 @@ impl Tissue {
         self.mesh.live_vertices().map(|v| self.position(v)).fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
     }
 
-    /// Advances the soft layer by `step_s`: wound rests follow their anchors, springs are propagated.
+    /// Holds exactly these particles at these displacements (tissue space, metres) until the next call; the particles around
+    /// them follow by direct displacement (MATHS 3.4).
+    pub fn hold_particles(&mut self, held: &[(ParticleId, DVec3)]) {
+        let Some(layer) = &mut self.layer else { return };
+        if held.is_empty() && self.scratch.held.is_empty() {
+            return;
+        }
+        self.scratch.held.clear();
+        self.scratch.grabs.clear();
+        for &(p, u) in held {
+            let anchor = layer.map.anchors.get(p.index()).copied().unwrap_or_default();
+            if anchor.is_some() {
+                self.scratch.held.push((p, self.pose.skin(&self.rows, anchor), u));
+                self.scratch.grabs.push((p, u));
+            }
+        }
+        layer.network.set_grabs(&self.scratch.grabs);
+    }
+
+    /// Advances the soft layer by `step_s`: wound rests follow their anchors, springs are propagated (MATHS 4.2).
     pub fn step(&mut self, step_s: f64) {
         let Some(layer) = &mut self.layer else { return };
-        let rests = &mut self.scratch.rest_displacements;
-        rests.clear();
-        rests.extend((0..layer.map.len()).map(|p| {
-            let u0 = DVec3::from_array(layer.map.rest_displacement[p]);
-            let anchor = layer.map.anchors[p];
-            if u0 == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { self.pose.blended_linear(&self.rows, anchor) * u0 }
-        }));
-        layer.network.set_rest_displacements(rests);
+        let TissueScratch { step, rest_displacements, held, .. } = &mut self.scratch;
+        let followed: Vec<(DVec3, DVec3)> = held.iter().map(|h| (h.1, h.2)).collect();
+        rest_displacements.clear();
+        for p in 0..layer.map.len() {
+            let (u0, anchor) = (DVec3::from_array(layer.map.rest_displacement[p]), layer.map.anchors[p]);
+            let mut rest = if u0 == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { self.pose.blended_linear(&self.rows, anchor) * u0 };
+            if !followed.is_empty() && anchor.is_some() {
+                rest += target(self.pose.skin(&self.rows, anchor), &followed, layer.settings.spacing);
+            }
+            rest_displacements.push(rest.to_array());
+        }
+        layer.network.set_rest_displacements(rest_displacements);
         if layer.network.awake() {
-            layer.network.step(step_s);
+            layer.network.step(step_s, step);
             self.versions.displacements += 1;
         }
     }
@@ -358,9 +395,7 @@ impl Tissue {
         self.edit_hash(hash);
         hash.bytes(bytemuck::cast_slice(&self.fades.entries));
         if let Some(layer) = &self.layer {
-            for p in layer.network.displacements().iter().chain(layer.network.velocities()) {
-                hash.bytes(bytemuck::bytes_of(&p.to_array()));
-            }
+            layer.network.hash_into(hash);
         }
     }
 }

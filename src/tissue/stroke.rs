@@ -146,11 +146,12 @@ impl TearStroke {
         let lips: Vec<LipVertex> = strip.map_or_else(Vec::new, |strip| {
             self.step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: l.side }).collect()
         });
+        let removed: Vec<VertexId> = step.touched.iter().copied().filter(|&v| !tissue.mesh.vertex_is_live(v)).collect();
         let update: MapUpdateReport = report.stages.time("update_particles", || {
             let strips = strip.map_or(0..0, |s| s..s + 1);
-            tissue.update_map(&self.step.new_vertices, &self.step.touched, strips, &lips)
+            tissue.update_map(&self.step.new_vertices, &removed, strips, &lips)
         });
-        report.wound_particles = update.particles_added;
+        report.wound_particles = update.particles_added.len();
         report.stages.time("bind", || tissue.versions.structure += 1);
         end
     }

@@ -25,7 +25,7 @@ impl Tissue {
         let (mut high, mut low) = (margin, margin);
         if let Some(layer) = &self.layer {
             let (mut u_high, mut u_low) = (DVec3::ZERO, DVec3::ZERO);
-            for u in layer.network.displacements() {
+            for u in layer.displacements() {
                 u_high = u_high.max(*u);
                 u_low = u_low.min(*u);
             }
