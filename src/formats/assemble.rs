@@ -121,8 +121,7 @@ fn split_fans(mesh: &mut Mesh, first: &mut Vec<u32>) {
     for v in mesh.faces().iter().flatten() {
         corners[v.index()] += 1;
     }
-    let several: Vec<VertexId> =
-        mesh.live_vertices().filter(|&v| mesh.fan(v).count() < corners[v.index()] as usize).collect();
+    let several: Vec<VertexId> = mesh.live_vertices().filter(|&v| mesh.fan(v).count() < corners[v.index()] as usize).collect();
     if several.is_empty() {
         return;
     }

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 #[derive(Debug, thiserror::Error)]
 pub enum FormatError {
     /// Neither a file nor a bundled name.
-    #[error("there is no file or bundled model called \"{spec}\"; give a path to a .glb, .gltf, .obj or .stl file, or one of: {bundled}")]
+    #[error(
+        "there is no file or bundled model called \"{spec}\"; give a path to a .glb, .gltf, .obj or .stl file, or one of: {bundled}"
+    )]
     NotFound {
         /// What was asked for.
         spec: String,
@@ -75,7 +77,9 @@ pub enum FormatError {
         detail: String,
     },
     /// An index points at something that does not exist.
-    #[error("{what} refers to {target} {index}, but there are only {count}; export the model again or repair it in a modelling program")]
+    #[error(
+        "{what} refers to {target} {index}, but there are only {count}; export the model again or repair it in a modelling program"
+    )]
     IndexOutOfRange {
         /// What holds the index.
         what: String,
@@ -93,7 +97,9 @@ pub enum FormatError {
         what: String,
     },
     /// Skin weights of a vertex sum to zero or are negative.
-    #[error("the skin weights of vertex {vertex} of {mesh} {problem}; weight the vertex to a bone (\"normalise all weights\") and export again")]
+    #[error(
+        "the skin weights of vertex {vertex} of {mesh} {problem}; weight the vertex to a bone (\"normalise all weights\") and export again"
+    )]
     SkinWeights {
         /// Index of the stored vertex.
         vertex: usize,

@@ -39,14 +39,17 @@ impl Document {
     /// Bytes of a buffer view.
     pub fn view(&self, index: usize) -> Result<&[u8], FormatError> {
         let views = &self.root.buffer_views;
-        let view = views.get(index).ok_or_else(|| FormatError::range("an accessor or image", "buffer view", index as u64, views.len()))?;
+        let view = views
+            .get(index)
+            .ok_or_else(|| FormatError::range("an accessor or image", "buffer view", index as u64, views.len()))?;
         let buffer = view.buffer.value();
         let data = self
             .buffers
             .get(buffer)
             .ok_or_else(|| FormatError::range(format!("buffer view {index}"), "buffer", buffer as u64, self.buffers.len()))?;
         let start = view.byte_offset.unwrap_or_default().0;
-        let range = start.checked_add(view.byte_length.0).and_then(|end| Some(usize::try_from(start).ok()?..usize::try_from(end).ok()?));
+        let range =
+            start.checked_add(view.byte_length.0).and_then(|end| Some(usize::try_from(start).ok()?..usize::try_from(end).ok()?));
         range.and_then(|r| data.get(r)).ok_or_else(|| FormatError::Truncated {
             detail: format!("buffer view {index} reaches past the {} bytes of buffer {buffer}", data.len()),
         })
@@ -113,7 +116,8 @@ impl Document {
             let values = strided(index, self.view(sparse.values.buffer_view.value())?, offset, 0, size * N, indices.len())?;
             for (at, bytes) in indices.into_iter().zip(values) {
                 let slot = out.get_mut(at as usize);
-                *slot.ok_or_else(|| FormatError::range(format!("accessor {index}"), "sparse element", at.into(), count))? = read(bytes);
+                *slot.ok_or_else(|| FormatError::range(format!("accessor {index}"), "sparse element", at.into(), count))? =
+                    read(bytes);
             }
         }
         Ok(out)
@@ -136,7 +140,8 @@ fn wrong(index: usize, detail: &str) -> FormatError {
 
 /// Component type and number of components.
 fn shape(index: usize, accessor: &json::Accessor) -> Result<(ComponentType, usize), FormatError> {
-    let (Checked::Valid(json::accessor::GenericComponentType(kind)), Checked::Valid(of)) = (accessor.component_type, accessor.type_)
+    let (Checked::Valid(json::accessor::GenericComponentType(kind)), Checked::Valid(of)) =
+        (accessor.component_type, accessor.type_)
     else {
         return Err(wrong(index, "its type is unknown"));
     };
@@ -210,12 +215,7 @@ fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatError> {
     Ok((text, blob))
 }
 
-fn load_buffer(
-    index: usize,
-    buffer: &json::Buffer,
-    blob: Option<&[u8]>,
-    folder: Option<&Path>,
-) -> Result<Vec<u8>, FormatError> {
+fn load_buffer(index: usize, buffer: &json::Buffer, blob: Option<&[u8]>, folder: Option<&Path>) -> Result<Vec<u8>, FormatError> {
     let missing = |detail: String| FormatError::MissingBuffer { index, detail };
     let data = match (&buffer.uri, blob) {
         (Some(uri), _) => read_uri(uri, folder).map_err(missing)?,

@@ -72,9 +72,11 @@ pub(crate) fn triangles(
         warn_once(warnings, "indices that do not fill a triangle are left out");
     }
     Ok(Some(match mode {
-        Mode::TriangleStrip => {
-            indices.windows(3).enumerate().map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] }).collect()
-        }
+        Mode::TriangleStrip => indices
+            .windows(3)
+            .enumerate()
+            .map(|(i, w)| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[1], w[0], w[2]] })
+            .collect(),
         Mode::TriangleFan => indices.get(1..).unwrap_or_default().windows(2).map(|w| [w[0], w[1], indices[0]]).collect(),
         _ => indices.as_chunks::<3>().0.to_vec(),
     }))

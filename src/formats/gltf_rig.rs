@@ -3,8 +3,8 @@
 use super::FormatError;
 use super::gltf_data::Document;
 use crate::rig::{Animation, Channel, Interpolation, Joint, Keys, LocalTransform, Node, PoseScratch, Property, Rig, Skin, Trs};
-use gltf::json;
 use glam::{DAffine3, DMat3, DVec3, DVec4};
+use gltf::json;
 use json::validation::Checked;
 
 /// A rig with the way from the file's numbers to its own.
@@ -57,7 +57,8 @@ fn parents(root: &json::Root) -> Result<Vec<u32>, FormatError> {
     for (index, node) in root.nodes.iter().enumerate() {
         for child in node.children.iter().flatten().map(|c| c.value()) {
             let what = || format!("node {index}");
-            let slot = parents.get_mut(child).ok_or_else(|| FormatError::range(what(), "node", child as u64, root.nodes.len()))?;
+            let slot =
+                parents.get_mut(child).ok_or_else(|| FormatError::range(what(), "node", child as u64, root.nodes.len()))?;
             if *slot != u32::MAX {
                 return Err(FormatError::NodeCycle { node: child });
             }
@@ -96,7 +97,8 @@ fn add_tree(root: &json::Root, top: usize, out: &mut ImportedRig) -> Result<(), 
     }
     let mut stack = vec![(top, None)];
     while let Some((index, parent)) = stack.pop() {
-        let node = root.nodes.get(index).ok_or_else(|| FormatError::range("the scene", "node", index as u64, root.nodes.len()))?;
+        let node =
+            root.nodes.get(index).ok_or_else(|| FormatError::range("the scene", "node", index as u64, root.nodes.len()))?;
         if out.node_of[index] != u32::MAX {
             return Err(FormatError::NodeCycle { node: index });
         }
@@ -189,10 +191,9 @@ fn read_animation(
             }
         };
         let sampler = channel.sampler.value();
-        let sampler = animation
-            .samplers
-            .get(sampler)
-            .ok_or_else(|| FormatError::range(format!("animation {index}"), "sampler", sampler as u64, animation.samplers.len()))?;
+        let sampler = animation.samplers.get(sampler).ok_or_else(|| {
+            FormatError::range(format!("animation {index}"), "sampler", sampler as u64, animation.samplers.len())
+        })?;
         let keys = read_keys(document, index, sampler, property)?;
         if keys.times.is_empty() || node == u32::MAX {
             continue; // nothing to play, or a node of another scene

@@ -97,12 +97,7 @@ pub fn inspect(model: &Model, pose: &Pose) -> Inspection {
         },
         joints: model.rig.joints.len(),
         skins: model.rig.skins.len(),
-        animations: model
-            .rig
-            .animations
-            .iter()
-            .map(|a| AnimationInfo { name: a.name.clone(), duration: a.duration_s })
-            .collect(),
+        animations: model.rig.animations.iter().map(|a| AnimationInfo { name: a.name.clone(), duration: a.duration_s }).collect(),
         materials: model
             .materials
             .iter()

@@ -1,11 +1,14 @@
 //! Models in and out: glTF, OBJ, STL and procedural ones.
 //!
 //! A reader fills a stored surface (vertices and faces as the file has them); the assembler decides topology by MATHS 1.6
-//! and recentres by 1.7; [`gltf_export`] goes the other way by 1.8. No input makes any of them panic.
+//! and recentres by 1.7; [`export_glb`] goes the other way by 1.8. No input makes any of them panic.
 
 mod assemble;
 mod error;
+mod export_weights;
+mod glb_writer;
 mod gltf_data;
+mod gltf_export;
 mod gltf_import;
 mod gltf_primitive;
 mod gltf_rig;
@@ -13,6 +16,8 @@ mod inspect;
 mod material;
 mod mtl;
 mod obj;
+mod obj_export;
+mod procedural;
 mod stl;
 mod stored;
 mod weld;
@@ -21,8 +26,11 @@ mod weld;
 mod import_tests;
 
 pub use error::FormatError;
+pub use gltf_export::{ExportPiece, ExportReport, export_glb};
 pub use inspect::{AnimationInfo, Bounds, Inspection, MaterialInfo, inspect};
 pub use material::{Material, Texture};
+pub use obj_export::export_obj;
+pub use procedural::{NAMES as BUNDLED, generate};
 
 use crate::geometry::Mesh;
 use crate::rig::{Rig, VertexRows};
@@ -89,8 +97,13 @@ fn format_of(path: &Path) -> Option<Format> {
 /// Loads a model: `spec` is a path (.glb, .gltf, .obj, .stl) or a bundled name. An existing file wins over a name.
 pub fn load(spec: &str) -> Result<Model, FormatError> {
     let path = Path::new(spec);
-    if !path.is_file() && format_of(path).is_none() {
-        return Err(FormatError::NotFound { spec: spec.into(), bundled: String::new() });
+    if !path.is_file() {
+        if let Some(bytes) = procedural::bundled(spec) {
+            return load_bytes(bytes, Format::Gltf, spec, None);
+        }
+        if !path.exists() {
+            return Err(FormatError::NotFound { spec: spec.into(), bundled: BUNDLED.join(", ") });
+        }
     }
     load_file(path)
 }

@@ -14,7 +14,8 @@ pub(crate) fn read(text: &str, folder: &Path, warnings: &mut Vec<String>) -> Vec
             materials.push(Material { name: rest.trim().into(), ..Material::default() });
         }
         let Some(material) = materials.last_mut() else { continue };
-        let numbers: Vec<f32> = rest.split_ascii_whitespace().map_while(|w| w.parse().ok()).filter(|x: &f32| x.is_finite()).collect();
+        let numbers: Vec<f32> =
+            rest.split_ascii_whitespace().map_while(|w| w.parse().ok()).filter(|x: &f32| x.is_finite()).collect();
         match (keyword, numbers.as_slice()) {
             ("Kd", &[r, g, b, ..]) => material.base_colour[..3].copy_from_slice(&[r, g, b]),
             ("d", &[opacity, ..]) => material.base_colour[3] = opacity,

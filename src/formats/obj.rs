@@ -265,7 +265,9 @@ mod tests {
 
     #[test]
     fn wrong_indices_and_numbers_name_the_line() {
-        for (faces, line) in [("f 1 2 9\n", "line 8"), ("f 1 2 0\n", "line 8"), ("f 1 2 -5\n", "line 8"), ("f 1/3 2 3\n", "line 8")] {
+        for (faces, line) in
+            [("f 1 2 9\n", "line 8"), ("f 1 2 0\n", "line 8"), ("f 1 2 -5\n", "line 8"), ("f 1/3 2 3\n", "line 8")]
+        {
             let error = of(faces).err().unwrap();
             assert!(matches!(error, FormatError::IndexOutOfRange { .. }) && error.to_string().contains(line), "{error}");
         }

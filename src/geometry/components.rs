@@ -92,13 +92,7 @@ mod tests {
 
     fn mesh(vertices: usize, faces: &[[u32; 3]]) -> Mesh {
         let wedges = (0..vertices)
-            .map(|v| Wedge {
-                vertex: VertexId::new(v),
-                group: WedgeId::new(v),
-                uv: [0.0; 2],
-                normal: [0.0; 3],
-                colour: u32::MAX,
-            })
+            .map(|v| Wedge { vertex: VertexId::new(v), group: WedgeId::new(v), uv: [0.0; 2], normal: [0.0; 3], colour: u32::MAX })
             .collect();
         Mesh::build(
             vertices,

@@ -134,13 +134,7 @@ mod tests {
 
     fn mesh(faces: &[[u32; 3]]) -> Mesh {
         let wedges = (0..4)
-            .map(|v| Wedge {
-                vertex: VertexId(v),
-                group: WedgeId(v),
-                uv: [0.0; 2],
-                normal: [0.0; 3],
-                colour: u32::MAX,
-            })
+            .map(|v| Wedge { vertex: VertexId(v), group: WedgeId(v), uv: [0.0; 2], normal: [0.0; 3], colour: u32::MAX })
             .collect();
         let corners = faces.iter().map(|f| f.map(VertexId)).collect();
         Mesh::build(4, corners, faces.iter().map(|f| f.map(WedgeId)).collect(), &vec![0; faces.len()], wedges)

@@ -30,10 +30,7 @@ impl Trs {
 
     /// As a transform.
     pub fn affine(&self) -> DAffine3 {
-        DAffine3 {
-            matrix3: DMat3::from_quat(self.rotation) * DMat3::from_diagonal(self.scale),
-            translation: self.translation,
-        }
+        DAffine3 { matrix3: DMat3::from_quat(self.rotation) * DMat3::from_diagonal(self.scale), translation: self.translation }
     }
 
     /// The nearest translation, rotation and scale of a transform (shear is lost).
