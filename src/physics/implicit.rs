@@ -1,0 +1,271 @@
+//! The step for stiff networks, where a series would be too long (MATHS 4.2): unconditionally stable, one kind of solve.
+//!
+//! Damping is proportional to mass, so every mode decays at a known rate, and that rate is taken out exactly:
+//! `y = e^(-st) Y` with `s` the slowest decay of any mode leaves `Y'' + c' Y' + (A - sigma) Y = 0` with `c' = c - 2s` and
+//! `sigma = s (c - s)`, whose matrix is positive semi-definite. `Y` is stepped by the L-stable two-stage SDIRK method
+//! (Alexander 1977), or without any damping by the midpoint rule, which keeps the energy. Taking a network's decay from the
+//! method instead would leave 4 % of the amplitude after one step of h omega = 100 where the law leaves 5e-5.
+
+use super::matrix::{Matrix, Pair};
+use super::propagator::Propagator;
+use std::ops::Range;
+
+const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
+/// Iterations of one conjugate-gradient solve at most; what it then has is smaller than the solution, never larger.
+const MAX_ITERATIONS: usize = 600;
+/// Wanted residual relative to the right-hand side.
+const TOLERANCE: f64 = 1e-12;
+
+type Vector = Vec<[f64; 3]>;
+
+/// Work space of the implicit step.
+#[derive(Clone, Debug, Default)]
+pub struct ImplicitScratch {
+    residual: Vector,
+    search: Vector,
+    image: Vector,
+    right: Vector,
+    offset: Vector,
+    slope: Vector,
+    y: Vector,
+    w: Vector,
+}
+
+/// What the implicit step reads. Vectors by row; zero in rows that are held.
+#[derive(Clone, Copy)]
+pub struct ImplicitInput<'a> {
+    /// The matrix.
+    pub matrix: &'a Matrix,
+    /// Rows to propagate.
+    pub ranges: &'a [Range<u32>],
+    /// Masses, kg.
+    pub masses: &'a [f64],
+    /// Velocity and acceleration (damping set aside).
+    pub state: &'a [Pair],
+    /// Rate of change of the acceleration over the step, if any.
+    pub ramp: Option<&'a [[f64; 3]]>,
+    /// Displacement from rest: where the search for the equilibrium starts.
+    pub e: &'a [[f64; 3]],
+    /// Damping rate `c`, 1/s.
+    pub damping: f64,
+    /// Slowest decay rate of any mode `s`, 1/s.
+    pub decay: f64,
+    /// Step, s.
+    pub step: f64,
+}
+
+/// Worst energy-norm error a step over the modes between `low` and `high` (1/s^2), relative: what the method makes of
+/// each mode against the closed form. At large steps without damping it is 2: such modes are kept bounded, not followed.
+pub fn error_bound(low: f64, high: f64, damping: f64, decay: f64, step: f64) -> f64 {
+    let left = (-decay * step).exp();
+    let sigma = decay * (damping - decay);
+    let extra = damping - 2.0 * decay;
+    let (from, to) = (((low - sigma).max(0.0)).sqrt() * step, (high - sigma).max(0.0).sqrt() * step);
+    let mut worst: f64 = 0.0;
+    for k in 0..=48 {
+        let angle = from.max(1e-3 * to) * (to / from.max(1e-3 * to)).powf(k as f64 / 48.0);
+        if angle == 0.0 {
+            continue;
+        }
+        // One mode in scaled phase space: Y = 1, W = 0 in units of its frequency; the error in both components.
+        let exact = Propagator::new(angle * angle, extra * step, 1.0);
+        let (y, w) = scalar_step(angle, extra * step, damping == 0.0);
+        let error = (y - 1.0 + angle * angle * exact.force).hypot(w + angle * exact.sine);
+        worst = worst.max(error);
+    }
+    left * worst
+}
+
+/// The method on `Y'' + extra Y' + angle^2 Y = 0`, unit step, from Y = 1, W = 0; returns Y and W / angle.
+fn scalar_step(angle: f64, extra: f64, undamped: bool) -> (f64, f64) {
+    let stiffness = angle * angle;
+    if undamped {
+        let y = 2.0 / (1.0 + 0.25 * stiffness) - 1.0;
+        return (y, 2.0 * (y - 1.0) / angle);
+    }
+    let solve = |a: f64, b: f64| {
+        let p = ((1.0 + GAMMA * extra) * a + GAMMA * b) / (1.0 + GAMMA * extra + GAMMA * GAMMA * stiffness);
+        (p, (p - a) / GAMMA)
+    };
+    let (p, q) = solve(1.0, 0.0);
+    let ahead = (1.0 - GAMMA) / GAMMA;
+    let (y, w) = solve(1.0 + ahead * (p - 1.0), ahead * q);
+    (y, w / angle)
+}
+
+/// Writes displacement change and new velocity of each row of the ranges into `result`; returns the solver's iterations.
+pub fn implicit_step(input: &ImplicitInput, scratch: &mut ImplicitScratch, result: &mut [Pair]) -> usize {
+    let ImplicitInput { ranges, state, step: h, damping, decay: s, .. } = *input;
+    scratch.resize(state.len());
+    let mut iterations = particular(input, scratch);
+    let ImplicitScratch { offset, slope, y, w, .. } = scratch;
+    for row in rows(ranges) {
+        for k in 0..3 {
+            y[row][k] = -offset[row][k];
+            w[row][k] = state[row].0[k] - slope[row][k] + s * y[row][k];
+        }
+    }
+    iterations += if damping == 0.0 { midpoint(input, scratch) } else { sdirk(input, scratch) };
+    let left = (-s * h).exp();
+    let ImplicitScratch { offset, slope, y, w, .. } = scratch;
+    for row in rows(ranges) {
+        let change = std::array::from_fn(|k| offset[row][k] + h * slope[row][k] + left * y[row][k]);
+        let velocity = std::array::from_fn(|k| slope[row][k] + left * (w[row][k] - s * y[row][k]));
+        result[row] = Pair::new(change, velocity);
+    }
+    iterations
+}
+
+/// The particular solution `offset + slope t` of `d'' + c d' + A d = r + q t`: `A slope = q`, `A offset = r - c slope`.
+fn particular(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
+    let ImplicitInput { ranges, state, ramp, e, damping, .. } = *input;
+    let mut iterations = 0;
+    if let Some(ramp) = ramp {
+        for row in rows(ranges) {
+            scratch.right[row] = ramp[row];
+        }
+        iterations += solve(input, (0.0, 1.0), scratch, |s| &mut s.slope);
+    }
+    for row in rows(ranges) {
+        for k in 0..3 {
+            scratch.right[row][k] = state[row].0[3 + k] - damping * scratch.slope[row][k];
+            // Without forces and grabs the equilibrium is e = 0: the guess is the answer.
+            scratch.offset[row][k] = -e[row][k];
+        }
+    }
+    iterations + solve(input, (0.0, 1.0), scratch, |s| &mut s.offset)
+}
+
+/// The undamped midpoint rule on (y, w).
+fn midpoint(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
+    let ImplicitInput { ranges, step: h, .. } = *input;
+    let ImplicitScratch { y, w, right, offset, .. } = scratch;
+    for row in rows(ranges) {
+        for k in 0..3 {
+            right[row][k] = 2.0 * y[row][k] + h * w[row][k];
+            // y becomes the sum of old and new; -offset still holds the old.
+            y[row][k] = offset[row][k];
+        }
+    }
+    let iterations = solve(input, (1.0, 0.25 * h * h), scratch, |s| &mut s.y);
+    let ImplicitScratch { y, w, offset, .. } = scratch;
+    for row in rows(ranges) {
+        for k in 0..3 {
+            let old = -offset[row][k];
+            y[row][k] -= old;
+            w[row][k] = 2.0 * (y[row][k] - old) / h - w[row][k];
+        }
+    }
+    iterations
+}
+
+/// The L-stable two-stage SDIRK method on (y, w).
+fn sdirk(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
+    let ImplicitInput { ranges, step: h, damping, decay, .. } = *input;
+    let (reach, extra) = (GAMMA * h, damping - 2.0 * decay);
+    let sigma = decay * (damping - decay);
+    let own = 1.0 + reach * extra;
+    let shift = (own - reach * reach * sigma, reach * reach);
+    let ahead = (1.0 - GAMMA) / GAMMA;
+    let mut iterations = 0;
+    for stage in 0..2 {
+        let ImplicitScratch { y, w, right, .. } = scratch;
+        for row in rows(ranges) {
+            for k in 0..3 {
+                right[row][k] = own * y[row][k] + reach * w[row][k];
+            }
+        }
+        // The solve overwrites y; its start is recovered below from `right` and w.
+        iterations += solve(input, shift, scratch, |s| &mut s.y);
+        let ImplicitScratch { y, w, right, .. } = scratch;
+        for row in rows(ranges) {
+            for k in 0..3 {
+                let start = (right[row][k] - reach * w[row][k]) / own;
+                let start_w = w[row][k];
+                let stage_w = (y[row][k] - start) / reach;
+                if stage == 0 {
+                    y[row][k] = start + ahead * (y[row][k] - start);
+                    w[row][k] = start_w + ahead * (stage_w - start_w);
+                } else {
+                    w[row][k] = stage_w;
+                }
+            }
+        }
+    }
+    iterations
+}
+
+fn rows(ranges: &[Range<u32>]) -> impl Iterator<Item = usize> + '_ {
+    ranges.iter().flat_map(|r| r.start as usize..r.end as usize)
+}
+
+impl ImplicitScratch {
+    fn resize(&mut self, rows: usize) {
+        let Self { residual, search, image, right, offset, slope, y, w } = self;
+        for vector in [residual, search, image, right, offset, slope, y, w] {
+            vector.clear();
+            vector.resize(rows, [0.0; 3]);
+        }
+    }
+}
+
+/// Solves `(alpha + beta A) x = right` by conjugate gradients in the mass inner product, preconditioned by the diagonal,
+/// the three components side by side. `x` enters as the guess.
+fn solve(
+    input: &ImplicitInput,
+    (alpha, beta): (f64, f64),
+    scratch: &mut ImplicitScratch,
+    unknown: impl Fn(&mut ImplicitScratch) -> &mut Vector,
+) -> usize {
+    let ImplicitInput { matrix, ranges, masses, .. } = *input;
+    let mut x = std::mem::take(unknown(scratch));
+    let ImplicitScratch { residual, search, image, right, .. } = scratch;
+    let inverse = |row: usize| 1.0 / (alpha + beta * matrix.diagonal(row));
+    let (mut goal, mut rho) = ([0.0; 3], [0.0; 3]);
+    for row in rows(ranges) {
+        let a = matrix.apply_row(row, &x);
+        for k in 0..3 {
+            residual[row][k] = right[row][k] - alpha * x[row][k] - beta * a[k];
+            search[row][k] = inverse(row) * residual[row][k];
+            goal[k] += masses[row] * inverse(row) * right[row][k].powi(2);
+            rho[k] += masses[row] * residual[row][k] * search[row][k];
+        }
+    }
+    let goal = goal.map(|g| g * TOLERANCE * TOLERANCE);
+    let mut iterations = 0;
+    while iterations < MAX_ITERATIONS && (0..3).any(|k| rho[k] > goal[k]) {
+        iterations += 1;
+        let mut curvature = [0.0; 3];
+        for row in rows(ranges) {
+            let a = matrix.apply_row(row, search);
+            for k in 0..3 {
+                image[row][k] = alpha * search[row][k] + beta * a[k];
+                curvature[k] += masses[row] * search[row][k] * image[row][k];
+            }
+        }
+        let length: [f64; 3] = std::array::from_fn(|k| if curvature[k] > 0.0 { rho[k] / curvature[k] } else { 0.0 });
+        let mut next = [0.0; 3];
+        for row in rows(ranges) {
+            let scale = inverse(row);
+            for k in 0..3 {
+                x[row][k] += length[k] * search[row][k];
+                residual[row][k] -= length[k] * image[row][k];
+                next[k] += masses[row] * scale * residual[row][k].powi(2);
+            }
+        }
+        let turn: [f64; 3] = std::array::from_fn(|k| if rho[k] > 0.0 { next[k] / rho[k] } else { 0.0 });
+        for row in rows(ranges) {
+            let scale = inverse(row);
+            for k in 0..3 {
+                search[row][k] = scale * residual[row][k] + turn[k] * search[row][k];
+            }
+        }
+        rho = next;
+    }
+    // The vectors that the passes read must be zero in held rows.
+    for row in rows(ranges) {
+        search[row] = [0.0; 3];
+    }
+    *unknown(scratch) = x;
+    iterations
+}

@@ -1,0 +1,371 @@
+//! The state of a particle network and everything that can be asked of it; `step.rs` moves it.
+//!
+//! Displacements are in tissue space, metres, f64. Inside, rows are in solver order and hold `e = u - u0`, the
+//! displacement from rest, on which the springs act (MATHS 3.3, 4.1).
+
+use super::activity::Activity;
+use super::matrix::Matrix;
+use super::settings::{NetworkSettings, SettingsError};
+use super::topology::NetworkTopology;
+use crate::geometry::{ParticleId, StateHash};
+use glam::DVec3;
+
+/// Largest magnitude of any input (metres, m/s or N); beyond it, like NaN, an input is refused and counted.
+pub const INPUT_LIMIT: f64 = 1e12;
+/// Rest threshold relative to the length given to [`Network::set_length`].
+pub const REST_THRESHOLD: f64 = 1e-6;
+
+/// A particle held by a tool: it moves linearly from where it is to `target` over the next step and stays there.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Grab {
+    pub row: u32,
+    pub target: [f64; 3],
+}
+
+/// Particles on springs: `M u'' + c M u' + (K_anchor + L)(u - u0) = F` (MATHS 4.1).
+#[derive(Clone, Debug)]
+pub struct Network {
+    pub(super) settings: NetworkSettings,
+    pub(super) length: f64,
+    pub(super) matrix: Matrix,
+    /// Particle of each row, and row of each particle.
+    pub(super) order: Vec<u32>,
+    pub(super) row_of: Vec<u32>,
+    /// Rows with springs; they come first.
+    pub(super) linked: usize,
+    pub(super) masses: Vec<f64>,
+    pub(super) e: Vec<[f64; 3]>,
+    pub(super) v: Vec<[f64; 3]>,
+    pub(super) rest: Vec<[f64; 3]>,
+    pub(super) force: Vec<[f64; 3]>,
+    /// Rest displacement at the end of the next step, for the rows listed in `moved`.
+    pub(super) next_rest: Vec<[f64; 3]>,
+    pub(super) moved: Vec<u32>,
+    pub(super) grabs: Vec<Grab>,
+    /// Empty but inside [`Self::set_grabs`].
+    released: Vec<Grab>,
+    pub(super) held: Vec<bool>,
+    /// `u` by particle: what the rest of the program reads.
+    pub(super) displacement: Vec<[f64; 3]>,
+    pub(super) activity: Activity,
+    pub(super) quarantined: u64,
+    pub(super) quarantined_in_a_row: u32,
+    pub(super) refused: u64,
+}
+
+impl Default for Network {
+    fn default() -> Self {
+        Self {
+            settings: NetworkSettings::default(),
+            length: 1.0,
+            matrix: Matrix::default(),
+            order: Vec::new(),
+            row_of: Vec::new(),
+            linked: 0,
+            masses: Vec::new(),
+            e: Vec::new(),
+            v: Vec::new(),
+            rest: Vec::new(),
+            force: Vec::new(),
+            next_rest: Vec::new(),
+            moved: Vec::new(),
+            grabs: Vec::new(),
+            released: Vec::new(),
+            held: Vec::new(),
+            displacement: Vec::new(),
+            activity: Activity::default(),
+            quarantined: 0,
+            quarantined_in_a_row: 0,
+            refused: 0,
+        }
+    }
+}
+
+impl Network {
+    /// A network of unit masses at rest, `length` (metres) as for [`Self::set_length`].
+    pub fn new(topology: &NetworkTopology, settings: NetworkSettings, length: f64) -> Result<Self, SettingsError> {
+        let mut network = Self { settings: settings.checked()?, ..Self::default() };
+        network.set_length(length);
+        network.set_topology(topology, None);
+        Ok(network)
+    }
+
+    /// Number of particles.
+    pub fn len(&self) -> usize {
+        self.order.len()
+    }
+
+    /// True if there are no particles.
+    pub fn is_empty(&self) -> bool {
+        self.order.is_empty()
+    }
+
+    /// The material.
+    pub fn settings(&self) -> NetworkSettings {
+        self.settings
+    }
+
+    /// Changes the material; state and targets stay.
+    pub fn set_settings(&mut self, settings: NetworkSettings) -> Result<(), SettingsError> {
+        if settings.checked()? != self.settings {
+            self.settings = settings;
+            self.refresh_stiffness();
+            self.disturb_unrested();
+        }
+        Ok(())
+    }
+
+    /// The size that "at rest" is measured against, metres: the model's diagonal. A particle is at rest when it is within
+    /// [`REST_THRESHOLD`] of it from its equilibrium, in displacement and in velocity over its frequency.
+    pub fn set_length(&mut self, length: f64) {
+        self.length = if length.is_finite() && length > 0.0 { length } else { 1.0 };
+    }
+
+    /// Replaces springs and masses (kg, by particle; default 1; those not finite and positive become 1). Particles keep
+    /// displacement, velocity, rest displacement and force by id; new ones start at rest at 0, and grabs are kept. Only
+    /// particles away from rest are woken. Costs a pass over all springs: for edits, not for frames.
+    pub fn set_topology(&mut self, topology: &NetworkTopology, masses: Option<&[f64]>) {
+        let n = topology.particles();
+        let old = std::mem::take(&mut self.row_of);
+        let mut seen = Vec::new();
+        self.linked = topology.cuthill_mckee(&mut self.order, &mut seen);
+        self.row_of = vec![0; n];
+        for (row, particle) in self.order.iter().enumerate() {
+            self.row_of[*particle as usize] = row as u32;
+        }
+        for vector in [&mut self.e, &mut self.v, &mut self.rest, &mut self.force, &mut self.next_rest] {
+            *vector = permuted(vector, &old, &self.order, [0.0; 3]);
+        }
+        let sound = |m: &f64| m.is_finite() && *m > 0.0 && *m < INPUT_LIMIT;
+        let mass = |p: usize| masses.and_then(|m| m.get(p)).copied().filter(sound).unwrap_or(1.0);
+        let by_particle: Vec<f64> = (0..n).map(mass).collect();
+        self.masses = self.order.iter().map(|p| by_particle[*p as usize]).collect();
+        self.matrix.set_rows(topology, &self.order, &self.row_of, &by_particle);
+        self.refresh_stiffness();
+        self.rename_rows(&old, n);
+        self.displacement = (0..n).map(|p| self.displacement_of_row(self.row_of[p] as usize)).collect();
+        self.disturb_unrested();
+    }
+
+    /// Carries the lists of rows (grabs, moved rests) over to the new order.
+    fn rename_rows(&mut self, old: &[u32], n: usize) {
+        let mut particle_of = vec![u32::MAX; old.len()];
+        for (particle, row) in old.iter().enumerate() {
+            particle_of[*row as usize] = particle as u32;
+        }
+        let row_of = &self.row_of;
+        let renamed = |row: u32| row_of.get(particle_of[row as usize] as usize).copied();
+        self.moved = self.moved.iter().filter_map(|row| renamed(*row)).collect();
+        self.moved.reserve(n);
+        self.grabs = self.grabs.iter().filter_map(|g| Some(Grab { row: renamed(g.row)?, ..*g })).collect();
+        self.grabs.reserve(n);
+        self.released.reserve(n);
+        self.held = vec![false; n];
+        for grab in &self.grabs {
+            self.held[grab.row as usize] = true;
+        }
+        self.activity.reset(n);
+        for k in 0..self.moved.len() {
+            self.activity.disturb(self.moved[k]);
+        }
+        for k in 0..self.grabs.len() {
+            self.activity.disturb(self.grabs[k].row);
+        }
+    }
+
+    fn refresh_stiffness(&mut self) {
+        self.matrix.set_stiffness(self.settings.anchor_rate(), self.settings.coupling, self.masses.iter().copied());
+    }
+
+    /// Wakes the rows that are away from rest: after a change of what pulls at them.
+    fn disturb_unrested(&mut self) {
+        for row in 0..self.e.len() {
+            if self.e[row] != [0.0; 3] || self.v[row] != [0.0; 3] || self.force[row] != [0.0; 3] {
+                self.activity.disturb(row as u32);
+            }
+        }
+    }
+
+    pub(super) fn displacement_of_row(&self, row: usize) -> [f64; 3] {
+        std::array::from_fn(|k| self.e[row][k] + self.rest[row][k])
+    }
+
+    /// The row of a particle, if there is one and all of `inputs` are finite and of sane size; else counts a refusal.
+    fn accept(&mut self, particle: ParticleId, inputs: &[DVec3]) -> Option<usize> {
+        let sound = inputs.iter().all(|x| x.is_finite() && x.abs().max_element() <= INPUT_LIMIT);
+        let row = self.row_of.get(particle.0 as usize).filter(|_| sound).map(|row| *row as usize);
+        if row.is_none() {
+            self.refused += 1;
+        }
+        row
+    }
+
+    /// Displacements `u` by particle, metres: read after [`Network::step`].
+    pub fn displacements(&self) -> &[[f64; 3]] {
+        &self.displacement
+    }
+
+    /// Displacement of one particle; 0 for an unknown one.
+    pub fn displacement(&self, particle: ParticleId) -> DVec3 {
+        self.displacement.get(particle.0 as usize).map_or(DVec3::ZERO, |u| DVec3::from(*u))
+    }
+
+    /// Velocity of one particle, m/s.
+    pub fn velocity(&self, particle: ParticleId) -> DVec3 {
+        self.row_of.get(particle.0 as usize).map_or(DVec3::ZERO, |row| DVec3::from(self.v[*row as usize]))
+    }
+
+    /// Rest displacement `u0` of one particle, metres.
+    pub fn rest_displacement(&self, particle: ParticleId) -> DVec3 {
+        self.row_of.get(particle.0 as usize).map_or(DVec3::ZERO, |row| DVec3::from(self.rest[*row as usize]))
+    }
+
+    /// Puts a particle somewhere: displacement (metres) and velocity (m/s).
+    pub fn set_state(&mut self, particle: ParticleId, displacement: DVec3, velocity: DVec3) {
+        let Some(row) = self.accept(particle, &[displacement, velocity]) else { return };
+        self.e[row] = (displacement - DVec3::from(self.rest[row])).into();
+        self.v[row] = velocity.into();
+        self.displacement[particle.0 as usize] = displacement.into();
+        self.activity.disturb(row as u32);
+    }
+
+    /// Where a particle rests from the end of the next step on (metres); over that step its rest displacement moves
+    /// there linearly, which the step takes into account exactly.
+    pub fn set_rest_displacement(&mut self, particle: ParticleId, rest: DVec3) {
+        let Some(row) = self.accept(particle, &[rest]) else { return };
+        let rest: [f64; 3] = rest.into();
+        self.move_rest(row, rest);
+    }
+
+    /// A row is listed in `moved` once its next rest displacement differs from the present one.
+    fn move_rest(&mut self, row: usize, rest: [f64; 3]) {
+        if self.next_rest[row] == self.rest[row] && rest != self.rest[row] {
+            self.moved.push(row as u32);
+            self.activity.disturb(row as u32);
+        }
+        self.next_rest[row] = rest;
+    }
+
+    /// [`Self::set_rest_displacement`] for every particle, in one pass; shape: as [`Self::len`].
+    pub fn set_rest_displacements(&mut self, rest: &[[f64; 3]]) {
+        for (particle, rest) in rest.iter().enumerate().take(self.row_of.len()) {
+            if rest.iter().all(|x| x.abs() <= INPUT_LIMIT) {
+                self.move_rest(self.row_of[particle] as usize, *rest);
+            } else {
+                self.refused += 1;
+            }
+        }
+    }
+
+    /// The external force on a particle, N, from now on until it is changed; constant over a step.
+    pub fn set_force(&mut self, particle: ParticleId, force: DVec3) {
+        let Some(row) = self.accept(particle, &[force]) else { return };
+        if DVec3::from(self.force[row]) != force {
+            self.force[row] = force.into();
+            self.activity.disturb(row as u32);
+        }
+    }
+
+    /// Takes all external forces away.
+    pub fn clear_forces(&mut self) {
+        for row in 0..self.force.len() {
+            if self.force[row] != [0.0; 3] {
+                self.force[row] = [0.0; 3];
+                self.activity.disturb(row as u32);
+            }
+        }
+    }
+
+    /// Holds exactly these particles (MATHS 4.1: eliminated as Dirichlet conditions), each with the displacement it is to
+    /// have: it moves there linearly over the next step, which the step takes into account exactly, and stays until the
+    /// next call. Particles held before and not named are let go with the velocity they had.
+    pub fn set_grabs(&mut self, grabs: &[(ParticleId, DVec3)]) {
+        std::mem::swap(&mut self.grabs, &mut self.released);
+        for grab in &self.released {
+            self.held[grab.row as usize] = false;
+        }
+        self.grabs.clear();
+        for (particle, target) in grabs {
+            let Some(row) = self.accept(*particle, &[*target]) else { continue };
+            if std::mem::replace(&mut self.held[row], true) {
+                continue;
+            }
+            self.grabs.push(Grab { row: row as u32, target: (*target).into() });
+            if DVec3::from(self.displacement[particle.0 as usize]) != *target || self.v[row] != [0.0; 3] {
+                self.activity.disturb(row as u32);
+            }
+        }
+        for k in 0..self.released.len() {
+            let row = self.released[k].row;
+            if !self.held[row as usize] {
+                self.activity.disturb(row);
+            }
+        }
+        self.released.clear();
+    }
+
+    /// True if a particle is held.
+    pub fn is_grabbed(&self, particle: ParticleId) -> bool {
+        self.row_of.get(particle.0 as usize).is_some_and(|row| self.held[*row as usize])
+    }
+
+    /// True if the next step has anything to do.
+    pub fn awake(&self) -> bool {
+        !self.activity.asleep()
+    }
+
+    /// Particles that the last step moved.
+    pub fn awake_particles(&self) -> usize {
+        self.activity.awake.len()
+    }
+
+    /// The particles that the last step moved, in no particular order but always the same.
+    pub fn awake_list(&self) -> impl Iterator<Item = ParticleId> + '_ {
+        self.activity.awake.iter().map(|row| ParticleId(self.order[*row as usize]))
+    }
+
+    /// Steps taken back because they were not finite.
+    pub fn quarantined(&self) -> u64 {
+        self.quarantined
+    }
+
+    /// Inputs refused because they were not finite, too large or named no particle.
+    pub fn refused(&self) -> u64 {
+        self.refused
+    }
+
+    /// Spectrum of `M^-1 K`, 1/s^2: softest mode and Gershgorin's bound of the stiffest.
+    pub fn spectrum(&self) -> (f64, f64) {
+        self.matrix.spectrum()
+    }
+
+    /// Kinetic and elastic energy, less the work of the constant external forces, J.
+    pub fn energy(&self) -> f64 {
+        let mut energy = 0.0;
+        for row in 0..self.e.len() {
+            let pull = self.matrix.apply_row(row, &self.e);
+            for k in 0..3 {
+                let (e, v, mass) = (self.e[row][k], self.v[row][k], self.masses[row]);
+                energy += 0.5 * mass * (v * v + pull[k] * e) - self.force[row][k] * e;
+            }
+        }
+        energy
+    }
+
+    /// Feeds state and targets, by particle, into `hash`.
+    pub fn hash_into(&self, hash: &mut StateHash) {
+        for row in &self.row_of {
+            let row = *row as usize;
+            for vector in [&self.e, &self.v, &self.rest, &self.force] {
+                vector[row].iter().for_each(|x| hash.word(x.to_bits()));
+            }
+            hash.word(self.held[row] as u64);
+        }
+    }
+}
+
+/// `values`, which are by old row, in the new order; `fill` for particles that had no row.
+fn permuted<T: Copy>(values: &[T], old_row_of: &[u32], order: &[u32], fill: T) -> Vec<T> {
+    let value = |particle: &u32| old_row_of.get(*particle as usize).map_or(fill, |row| values[*row as usize]);
+    order.iter().map(value).collect()
+}

@@ -1,0 +1,392 @@
+//! One step of a network, as a list of stages: plan, wake, residual, propagate, commit (MATHS 4).
+//!
+//! Rule of the method: lone particles by the closed form; linked ones by the Chebyshev series up to a step of
+//! `h omega_max` = [`SERIES_REACH`], and beyond it as long as the series costs at most [`SERIES_WORK`]; else the implicit
+//! step. Steps over [`MAX_STEP`] are shortened to it; a step that is not positive does nothing.
+
+use super::implicit::{self, ImplicitInput, ImplicitScratch};
+use super::matrix::Pair;
+use super::network::{Network, REST_THRESHOLD};
+use super::propagator::Propagator;
+use super::series::{Series, SeriesKey};
+use std::ops::Range;
+
+/// Longest step, s.
+pub const MAX_STEP: f64 = 1.0;
+/// `h omega_max` up to which the series is always used (MATHS 4.2 says about 15).
+pub const SERIES_REACH: f64 = 16.0;
+/// Passes times (springs' entries + particles) that a longer series may cost: about half a millisecond.
+pub const SERIES_WORK: usize = 1_000_000;
+/// Wanted error in a second, relative, in the energy norm (MATHS 4.3 asks for 1e-3).
+pub const ERROR_PER_SECOND: f64 = 1e-3;
+
+/// How the linked particles were moved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StepMethod {
+    /// Nothing was awake.
+    #[default]
+    Asleep,
+    /// Only lone particles: the closed form.
+    ClosedForm,
+    /// The Chebyshev series.
+    Chebyshev,
+    /// The implicit step.
+    Implicit,
+    /// The result was not finite: the state is the last good one.
+    Quarantined,
+}
+
+/// What a step did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StepReport {
+    /// How.
+    pub method: StepMethod,
+    /// Degree of the series, or iterations of the implicit solver.
+    pub degree: usize,
+    /// Step times the Gershgorin bound of the highest frequency.
+    pub h_omega_max: f64,
+    /// Bound of the relative error of this step in the energy norm, over all modes the network may have.
+    pub error_bound: f64,
+    /// Particles that were moved.
+    pub awake: usize,
+    /// The step taken, s.
+    pub step: f64,
+}
+
+/// Work space of a step; may be shared by networks that step one after the other. Grows to the largest, then stays.
+#[derive(Clone, Debug, Default)]
+pub struct StepScratch {
+    series: Series,
+    state: Vec<Pair>,
+    newer: Vec<Pair>,
+    newest: Vec<Pair>,
+    drift: Vec<[f64; 3]>,
+    ramp: Vec<[f64; 3]>,
+    implicit: ImplicitScratch,
+}
+
+impl StepScratch {
+    /// How often series coefficients were computed.
+    pub fn series_updates(&self) -> u64 {
+        self.series.updates
+    }
+
+    /// Heap capacities, in elements: unchanged by a steady step.
+    pub fn capacities(&self) -> [usize; 5] {
+        [self.state.capacity(), self.newer.capacity(), self.newest.capacity(), self.drift.capacity(), self.ramp.capacity()]
+    }
+}
+
+impl Network {
+    /// Moves the network by `h` seconds. Never fails: see [`StepReport`]. No allocation once `scratch` has grown.
+    pub fn step(&mut self, h: f64, scratch: &mut StepScratch) -> StepReport {
+        if !(h > 0.0) || self.activity.asleep() {
+            return self.rest_report(h);
+        }
+        let h = h.min(MAX_STEP);
+        let mut report = self.plan(h, scratch);
+        let reach = if report.method == StepMethod::Chebyshev { report.degree } else { usize::MAX };
+        self.wake(reach);
+        report.awake = self.activity.awake.len();
+        let ramped = self.prescribe(h, scratch);
+        self.residual(ramped, scratch);
+        match report.method {
+            StepMethod::Chebyshev => self.chebyshev(ramped, scratch),
+            StepMethod::Implicit => report.degree = self.implicit(h, ramped, scratch),
+            _ => (),
+        }
+        self.closed_form(h, ramped, scratch);
+        if self.finite(scratch) {
+            self.commit(h, scratch);
+        } else {
+            self.quarantine();
+            report.method = StepMethod::Quarantined;
+        }
+        report
+    }
+
+    fn rest_report(&mut self, h: f64) -> StepReport {
+        if h > 0.0 {
+            self.settle();
+        }
+        StepReport { step: if h > 0.0 { h.min(MAX_STEP) } else { 0.0 }, ..Default::default() }
+    }
+
+    /// Chooses the method and fits the series; the fit is kept while step, spectrum and damping stay the same.
+    fn plan(&self, h: f64, scratch: &mut StepScratch) -> StepReport {
+        let (low, high) = self.matrix.spectrum();
+        let mut report = StepReport { h_omega_max: h * high.sqrt(), step: h, ..Default::default() };
+        if self.linked == 0 {
+            report.method = StepMethod::ClosedForm;
+            report.h_omega_max = h * low.sqrt();
+            return report;
+        }
+        let (damping, decay) = (self.settings.damping_rate(), self.settings.slowest_decay());
+        // An error of the series must not outweigh the damping, or keep energy alive: a hundredth of the decay at most.
+        let loss = if decay > 0.0 { 0.01 * decay * h } else { 0.0 };
+        let tolerance = (ERROR_PER_SECOND * h).min(loss).max(1e-11);
+        let work = self.matrix.entries() + self.linked;
+        let estimate = 0.5 * report.h_omega_max + 8.0;
+        if report.h_omega_max <= SERIES_REACH || estimate * work as f64 <= SERIES_WORK as f64 {
+            let key = SeriesKey { low, high, damping, step: h, tolerance };
+            if scratch.series.fit(key) {
+                report.method = StepMethod::Chebyshev;
+                report.degree = scratch.series.degree();
+                report.error_bound = scratch.series.error_bound();
+                return report;
+            }
+        }
+        report.method = StepMethod::Implicit;
+        report.error_bound = implicit::error_bound(low, high, damping, decay, h);
+        report
+    }
+
+    /// Finds the awake rows; those that fell asleep stop.
+    fn wake(&mut self, reach: usize) {
+        let Self { activity, matrix, linked, held, v, .. } = self;
+        for row in activity.update(matrix, *linked, held, reach) {
+            v[*row as usize] = [0.0; 3];
+        }
+    }
+
+    /// Writes how fast `e` is moved by what is prescribed (rest displacements, grabs) into `drift`; false if nothing is.
+    fn prescribe(&mut self, h: f64, scratch: &mut StepScratch) -> bool {
+        let drift = &mut scratch.drift;
+        drift.clear();
+        drift.resize(self.e.len(), [0.0; 3]);
+        let mut any = false;
+        for row in self.moved.iter().map(|row| *row as usize) {
+            for k in 0..3 {
+                drift[row][k] = (self.rest[row][k] - self.next_rest[row][k]) / h;
+            }
+            any = true;
+        }
+        for grab in &self.grabs {
+            let row = grab.row as usize;
+            let u = self.displacement_of_row(row);
+            for k in 0..3 {
+                drift[row][k] += (grab.target[k] - u[k]) / h;
+            }
+            any |= drift[row] != [0.0; 3];
+        }
+        any
+    }
+
+    /// Gathers velocity and acceleration `r = F/m - A e` of every row to move, and the rate `q = -A drift` of the latter.
+    fn residual(&self, ramped: bool, scratch: &mut StepScratch) {
+        let StepScratch { state, drift, ramp, .. } = scratch;
+        let partial = self.activity.moving() != self.linked;
+        state.resize(self.e.len(), Pair::default());
+        if partial {
+            state.fill(Pair::default());
+        }
+        if ramped {
+            ramp.clear();
+            ramp.resize(self.e.len(), [0.0; 3]);
+        }
+        for row in self.moving_rows() {
+            let pull = self.matrix.apply_row(row, &self.e);
+            let inverse = 1.0 / self.masses[row];
+            let r = std::array::from_fn(|k| self.force[row][k] * inverse - pull[k]);
+            state[row] = Pair::new(self.v[row], r);
+            if ramped {
+                ramp[row] = self.matrix.apply_row(row, drift).map(|x| -x);
+            }
+        }
+    }
+
+    fn moving_rows(&self) -> impl Iterator<Item = usize> + '_ {
+        let lone = self.activity.lone.iter().map(|row| *row as usize);
+        self.activity.ranges.iter().flat_map(|r| r.start as usize..r.end as usize).chain(lone)
+    }
+
+    /// Evaluates the series by Clenshaw's recurrence; the result ends in `newest`.
+    fn chebyshev(&self, ramped: bool, scratch: &mut StepScratch) {
+        let StepScratch { series, state, newer, newest, ramp, .. } = scratch;
+        let rows = self.e.len();
+        newer.resize(rows, Pair::default());
+        newest.resize(rows, Pair::default());
+        if self.activity.moving() != self.linked {
+            // Held rows must read as zero.
+            newer.fill(Pair::default());
+            newest.fill(Pair::default());
+        }
+        let ramp = if ramped { Some(ramp.as_slice()) } else { None };
+        let degree = series.degree();
+        let (twice, shift) = self.matrix.mapping(series.interval());
+        for range in self.activity.ranges.iter().map(whole) {
+            for row in range {
+                newer[row] = term(series.coefficient(degree), &state[row], ramp.map(|q| &q[row]));
+                newest[row] = Pair::default();
+            }
+        }
+        for k in (0..degree).rev() {
+            let coefficient = series.coefficient(k);
+            // The last sum takes T once, not twice.
+            let mapping = if k == 0 { (0.5 * twice, 0.5 * shift) } else { (twice, shift) };
+            for range in self.activity.ranges.iter().map(whole) {
+                match ramp {
+                    None => {
+                        let input = |row: usize| term(coefficient, &state[row], None);
+                        self.matrix.clenshaw_pass(range, mapping, input, newer, newest);
+                    }
+                    Some(ramp) => {
+                        let input = |row: usize| term(coefficient, &state[row], Some(&ramp[row]));
+                        self.matrix.clenshaw_pass(range, mapping, input, newer, newest);
+                    }
+                }
+            }
+            if k > 0 {
+                std::mem::swap(newer, newest);
+            }
+        }
+    }
+
+    fn implicit(&self, h: f64, ramped: bool, scratch: &mut StepScratch) -> usize {
+        let StepScratch { state, newest, ramp, implicit, .. } = scratch;
+        newest.resize(self.e.len(), Pair::default());
+        let input = ImplicitInput {
+            matrix: &self.matrix,
+            ranges: &self.activity.ranges,
+            masses: &self.masses,
+            state,
+            ramp: ramped.then_some(ramp.as_slice()),
+            e: &self.e,
+            damping: self.settings.damping_rate(),
+            decay: self.settings.slowest_decay(),
+            step: h,
+        };
+        implicit::implicit_step(&input, implicit, newest)
+    }
+
+    /// Lone particles: a spring and its anchor.
+    fn closed_form(&self, h: f64, ramped: bool, scratch: &mut StepScratch) {
+        if self.activity.lone.is_empty() {
+            return;
+        }
+        let StepScratch { state, newest, ramp, .. } = scratch;
+        newest.resize(self.e.len(), Pair::default());
+        let p = Propagator::new(self.settings.anchor_rate(), self.settings.damping_rate(), h);
+        for row in self.activity.lone.iter().map(|row| *row as usize) {
+            newest[row] = term([p.sine, p.keep, p.force, p.ramp], &state[row], ramped.then(|| &ramp[row]));
+        }
+    }
+
+    fn finite(&self, scratch: &StepScratch) -> bool {
+        // NaN and infinity survive a sum of absolute values.
+        let sum: f64 = self.moving_rows().map(|row| scratch.newest[row].0.iter().map(|x| x.abs()).sum::<f64>()).sum();
+        sum.is_finite()
+    }
+
+    /// Takes the new state over and notes who is still restless.
+    fn commit(&mut self, h: f64, scratch: &StepScratch) {
+        self.quarantined_in_a_row = 0;
+        self.commit_prescribed(h);
+        let amplitude = REST_THRESHOLD * self.length;
+        let (speed, pull) =
+            (amplitude * self.settings.anchor_rate().sqrt(), amplitude * self.settings.anchor_rate());
+        let Self { activity, e, v, rest, displacement, order, .. } = self;
+        activity.restless.clear();
+        let ranges = activity.ranges.iter().flat_map(|r| r.start..r.end);
+        for row32 in ranges.chain(activity.lone.iter().copied()) {
+            let row = row32 as usize;
+            let (result, before, drift) = (&scratch.newest[row].0, &scratch.state[row].0, &scratch.drift[row]);
+            let mut restless = false;
+            for k in 0..3 {
+                e[row][k] += result[k] + h * drift[k];
+                v[row][k] = result[3 + k];
+                displacement[order[row] as usize][k] = e[row][k] + rest[row][k];
+                restless |= result[3 + k].abs() > speed || before[3 + k].abs() > pull;
+            }
+            if restless {
+                activity.restless.push(row32);
+            }
+        }
+        // A grabbed particle that arrived stops at the next step, unless it is pulled on.
+        activity.restless.extend(self.grabs.iter().map(|g| g.row).filter(|row| v[*row as usize] != [0.0; 3]));
+    }
+
+    /// Grabbed particles and rest displacements arrive.
+    fn commit_prescribed(&mut self, h: f64) {
+        for grab in &self.grabs {
+            let row = grab.row as usize;
+            let u = self.displacement_of_row(row);
+            for k in 0..3 {
+                self.v[row][k] = (grab.target[k] - u[k]) / h;
+            }
+            self.displacement[self.order[row] as usize] = grab.target;
+        }
+        for row in self.moved.drain(..).map(|row| row as usize) {
+            self.rest[row] = self.next_rest[row];
+        }
+        for grab in &self.grabs {
+            let row = grab.row as usize;
+            self.e[row] = std::array::from_fn(|k| grab.target[k] - self.rest[row][k]);
+        }
+    }
+
+    /// Everything came to rest: what is within the threshold of its rest displacement is put there exactly, so that a
+    /// resting model is drawn without the displacement.
+    fn settle(&mut self) {
+        let amplitude = REST_THRESHOLD * self.length;
+        let rows = std::mem::take(&mut self.activity.awake);
+        for row in rows.iter().map(|row| *row as usize) {
+            self.v[row] = [0.0; 3];
+            let near = self.e[row].iter().all(|x| x.abs() <= amplitude);
+            if near && self.force[row] == [0.0; 3] && !self.held[row] {
+                self.e[row] = [0.0; 3];
+                self.displacement[self.order[row] as usize] = self.rest[row];
+            }
+        }
+        self.activity.awake = rows;
+        self.activity.awake.clear();
+    }
+
+    /// The step is dropped: the state stays the last good one, without velocities and forces; if that is not enough, the
+    /// particles go back to rest.
+    #[cold]
+    fn quarantine(&mut self) {
+        self.quarantined += 1;
+        self.quarantined_in_a_row += 1;
+        if self.quarantined_in_a_row == 1 {
+            tracing::warn!(count = self.quarantined, "a particle step was not finite; kept the last good state");
+        }
+        let reset = self.quarantined_in_a_row > 1;
+        for row in self.moved.drain(..).map(|row| row as usize) {
+            self.next_rest[row] = self.rest[row];
+        }
+        for row in self.activity.awake.iter().map(|row| *row as usize) {
+            self.v[row] = [0.0; 3];
+            self.force[row] = [0.0; 3];
+            if reset && !self.held[row] {
+                self.e[row] = [0.0; 3];
+                self.displacement[self.order[row] as usize] = self.rest[row];
+            }
+        }
+        let Self { activity, .. } = self;
+        activity.restless.clear();
+        activity.restless.extend_from_slice(&activity.awake);
+    }
+}
+
+fn whole(range: &Range<u32>) -> Range<usize> {
+    range.start as usize..range.end as usize
+}
+
+/// One degree's term: `[sine v + force r + ramp q, keep v + sine r + force q]`.
+#[inline]
+fn term([sine, keep, force, ramp]: [f64; 4], state: &Pair, q: Option<&[f64; 3]>) -> Pair {
+    let s = &state.0;
+    let mut result = [0.0; 6];
+    for k in 0..3 {
+        result[k] = sine * s[k] + force * s[3 + k];
+        result[3 + k] = keep * s[k] + sine * s[3 + k];
+    }
+    if let Some(q) = q {
+        for k in 0..3 {
+            result[k] += ramp * q[k];
+            result[3 + k] += force * q[k];
+        }
+    }
+    Pair(result)
+}
