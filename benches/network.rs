@@ -1,0 +1,115 @@
+//! One step of the particle network: time, and error as MATHS 4.3, on the benchmark networks of `physics::reference`.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use glam::DVec3;
+use incise::geometry::ParticleId;
+use incise::physics::reference::{Integrator, ReferenceNetwork, SplitMix, benchmark_network, max_difference};
+use incise::physics::{Network, NetworkSettings, NetworkTopology, StepScratch};
+use std::hint::black_box;
+
+const STEP: f64 = 1.0 / 60.0;
+
+/// Settings whose step of 1/60 s has the wanted `h omega_max` (Gershgorin), coupling 1, damping ratio 0.1.
+fn settings_for(topology: &NetworkTopology, reach: f64) -> NetworkSettings {
+    let unit = NetworkSettings { frequency_hz: 1.0, damping_ratio: 0.1, coupling: 1.0 };
+    let (_, high) = Network::new(topology, unit, 1.0).expect("valid").spectrum();
+    NetworkSettings { frequency_hz: reach / (STEP * high.sqrt()), ..unit }
+}
+
+/// Random displacements, nothing sleeping.
+fn excited(topology: &NetworkTopology, settings: NetworkSettings) -> Network {
+    let mut network = Network::new(topology, settings, 1e-30).expect("valid");
+    let mut random = SplitMix(7);
+    for p in 0..topology.particles() as u32 {
+        let u = DVec3::from_array(std::array::from_fn(|_| random.signed()));
+        network.set_state(ParticleId(p), u, DVec3::ZERO);
+    }
+    network
+}
+
+/// Error of one second of steps of `step`, against Runge-Kutta at `h omega` = 0.02.
+fn errors(topology: &NetworkTopology, reach: f64, steppers: &mut [(&str, Stepper)]) -> Vec<f64> {
+    let settings = settings_for(topology, reach);
+    let mut reference = ReferenceNetwork::new(topology, settings);
+    reference.u = excited(topology, settings).displacements().to_vec();
+    let scale = max_difference(&reference.u, &vec![[0.0; 3]; reference.u.len()]);
+    let mut worst = vec![0.0f64; steppers.len()];
+    let substeps = (reach / 0.02) as usize;
+    for _ in 0..60 {
+        (0..substeps).for_each(|_| reference.step(Integrator::RungeKutta, STEP / substeps as f64));
+        for ((_, stepper), worst) in steppers.iter_mut().zip(&mut worst) {
+            *worst = worst.max(max_difference(&stepper(), &reference.u) / scale);
+        }
+    }
+    worst
+}
+
+type Stepper = Box<dyn FnMut() -> Vec<[f64; 3]>>;
+
+fn ours(topology: &NetworkTopology, reach: f64) -> Stepper {
+    let mut network = excited(topology, settings_for(topology, reach));
+    let mut scratch = StepScratch::default();
+    Box::new(move || {
+        network.step(STEP, &mut scratch);
+        network.displacements().to_vec()
+    })
+}
+
+fn peer(topology: &NetworkTopology, reach: f64, integrator: Integrator, substeps: usize) -> Stepper {
+    let settings = settings_for(topology, reach);
+    let mut network = ReferenceNetwork::new(topology, settings);
+    network.u = excited(topology, settings).displacements().to_vec();
+    Box::new(move || {
+        (0..substeps).for_each(|_| network.step(integrator, STEP / substeps as f64));
+        network.u.clone()
+    })
+}
+
+fn accuracy() {
+    let (_, topology) = benchmark_network(200, 1256);
+    for reach in [2.0, 4.0, 7.0, 13.0, 15.0, 30.0] {
+        let mut steppers = vec![("incise", ours(&topology, reach))];
+        for (name, integrator, substeps) in [
+            ("symplectic Euler x16", Integrator::SymplecticEuler, 16),
+            ("implicit Euler", Integrator::ImplicitEuler, 1),
+            ("Crank-Nicolson", Integrator::CrankNicolson, 1),
+        ] {
+            steppers.push((name, peer(&topology, reach, integrator, substeps)));
+        }
+        let errors = errors(&topology, reach, &mut steppers);
+        let line: Vec<String> = steppers.iter().zip(errors).map(|((name, _), e)| format!("{name} {e:.2e}")).collect();
+        println!("error over 1 s, 200 particles, h omega_max {reach}: {}", line.join(", "));
+    }
+}
+
+fn times(criterion: &mut Criterion) {
+    if !std::env::args().any(|a| a == "--test") {
+        accuracy();
+    }
+    for (particles, springs) in [(200, 1256), (20_000, 154_000)] {
+        let (_, topology) = benchmark_network(particles, springs);
+        for reach in [2.0, 7.0, 15.0, 200.0] {
+            let mut network = excited(&topology, NetworkSettings { damping_ratio: 0.0, ..settings_for(&topology, reach) });
+            let settings = settings_for(&topology, reach);
+            let fresh = excited(&topology, settings);
+            let mut scratch = StepScratch::default();
+            network.clone_from(&fresh);
+            let report = network.step(STEP, &mut scratch);
+            let name = format!("step/{particles}/h_omega {reach}/{:?} {}", report.method, report.degree);
+            let mut count = 0;
+            criterion.bench_function(&name, |b| {
+                b.iter(|| {
+                    // Damping would put it to rest in the end: start afresh now and then.
+                    count += 1;
+                    if count % 300 == 0 {
+                        network.clone_from(&fresh);
+                    }
+                    black_box(network.step(STEP, &mut scratch))
+                })
+            });
+        }
+    }
+}
+
+criterion_group!(network, times);
+criterion_main!(network);
