@@ -19,11 +19,17 @@
 //! | [`geometry`] | indices, tracked arrays, the triangle mesh, exact predicates |
 //! | [`diagnostics`] | counters and timings; anyone may use it |
 
+pub mod app;
+pub mod cli;
+pub mod config;
 pub mod diagnostics;
 pub mod formats;
 pub mod geometry;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+#[cfg(feature = "gpu")]
+pub mod host;
+pub mod input;
 pub mod particles;
 pub mod physics;
 pub mod rig;

@@ -1,24 +1,8 @@
 //! What a frame is told: plain data, whoever holds the tools.
 
+use super::script::Layer;
 use crate::scene::EditCommand;
 use glam::DVec3;
-
-/// An inspection layer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Layer {
-    /// Particles and their links.
-    Particles,
-    /// Edges of all faces.
-    Wireframe,
-    /// Bounds of sections.
-    Sections,
-    /// Boxes of the last tear.
-    Boxes,
-    /// Which particle moves which vertex.
-    Influences,
-    /// Strips that no link may pass.
-    Strips,
-}
 
 /// Where the picture is taken from, model space.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,11 +4,11 @@
 //! is pending moves with the tissue ([`ChainBuilder::pending_quads_mut`]). Nothing here knows the clock or how samples
 //! were batched: the same samples give the same bits.
 
-use super::blade_path::{BladePose, Sampling, Surface};
+use super::blade_path::{BladePose, Sampling};
 use super::boxes::{
     Grid, HalfSpace, Hull, JointFrame, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, boxes_apart, hull,
 };
-use super::path_sampler::{PathSample, SampleKind, reject};
+use super::path_sampler::{ClippedSample, SampleKind, reject};
 use glam::DVec3;
 
 /// A turn beyond this ends the chain: 120 degrees.
@@ -19,33 +19,6 @@ const PIVOT_SHARE: f64 = 1e-6;
 const PIVOT_OVERLAPS: [f64; 5] = [1e-2, -1e-4, -1e-3, -1e-2, -1e-1];
 /// After so many dropped samples in a row the stretch is given up and the chain starts anew.
 const MOST_DROPPED: u32 = 8;
-
-/// A sample with the blade clipped to the tissue (MATHS 5.1).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ClippedSample {
-    /// The whole blade.
-    pub pose: BladePose,
-    /// What has happened since the last sample.
-    pub kind: SampleKind,
-    /// Upper end of the clipped blade, margin included; `None` if the blade does not touch the tissue.
-    pub top: Option<DVec3>,
-    /// How much further up the top should reach, metres, because the surface rises between this sample and a neighbour.
-    pub raise: f64,
-}
-
-impl ClippedSample {
-    /// Casts the blade at `surface` and clips it to [entry point - margin, tip].
-    pub fn clip(sample: &PathSample, surface: &(impl Surface + ?Sized), sampling: &Sampling) -> Self {
-        let BladePose { tip, base, .. } = sample.pose;
-        let length = (base - tip).length();
-        let top = surface.entry(tip, base).filter(|e| e.s.is_finite()).map(|e| {
-            let rise = if e.rise.is_finite() { e.rise.max(0.0) } else { 0.0 };
-            let above = length * e.s.clamp(0.0, 1.0) - sampling.entry_margin - rise;
-            if above <= 0.0 { base } else { base + (tip - base) * (above / length) }
-        });
-        Self { pose: sample.pose, kind: sample.kind, top, raise: 0.0 }
-    }
-}
 
 /// A clipped blade that waits for its joint.
 #[derive(Clone, Copy, Debug, PartialEq)]

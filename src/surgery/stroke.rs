@@ -2,8 +2,8 @@
 
 use super::blade_path::{BladePose, Sampling, Surface};
 use super::boxes::TearSegment;
-use super::chain::{ChainBuilder, ClippedSample};
-use super::path_sampler::{PathSample, PathSampler, SampleKind};
+use super::chain::ChainBuilder;
+use super::path_sampler::{ClippedSample, PathSample, PathSampler, SampleKind};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 

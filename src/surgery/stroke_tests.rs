@@ -206,7 +206,7 @@ fn a_path_that_crosses_itself_is_cut_into_chains() {
     let b = boxes(&loop_path, 0.004);
     assert_eq!(broken_chains(&b), None);
     assert!(chains(&b) > 1);
-    let merged: Vec<_> = b.iter().cloned().map(|b| TearBox { chain: 0, ..b }).collect();
+    let merged: Vec<_> = b.iter().map(|b| TearBox { chain: 0, ..b.clone() }).collect();
     assert!(broken_chains(&merged).is_some(), "the check sees the crossing");
 }
 

@@ -1,0 +1,10 @@
+//! What drives a scene: scripts (and, with their hosts, plain input frames and tools).
+
+pub mod frame;
+pub mod player;
+pub mod script;
+mod script_text;
+
+pub use frame::{CameraPose, InputFrame};
+pub use player::ScriptPlayer;
+pub use script::{Action, ActionKind, Camera, CutPlane, Layer, Motion, ParticleOverrides, Script, ScriptError, TearOverrides};

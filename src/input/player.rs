@@ -1,0 +1,139 @@
+//! Plays a script: the frame's input from the clock.
+
+use super::frame::{CameraPose, InputFrame};
+use super::script::{ActionKind, Motion, Script};
+use crate::geometry::Plane;
+use crate::scene::EditCommand;
+use glam::{DQuat, DVec3};
+
+/// Turns a script into one [`InputFrame`] a frame. Deterministic: time is frame number times step.
+#[derive(Clone, Debug)]
+pub struct ScriptPlayer {
+    script: Script,
+    /// Width of tears, metres.
+    width: f64,
+    camera: CameraPose,
+    progress: Vec<Progress>,
+}
+
+/// How far an action has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Progress {
+    begun: bool,
+    ended: bool,
+    /// Blade poses that were fed.
+    fed: usize,
+}
+
+impl ScriptPlayer {
+    /// A player with the scene's default tear `width` (metres) and a camera where the script names none. Actions of kinds
+    /// that this version does not carry out are passed over with a warning.
+    pub fn new(script: Script, width: f64, default_camera: CameraPose) -> Self {
+        for action in &script.actions {
+            if matches!(action.kind, ActionKind::Poke { .. } | ActionKind::Squeeze { .. }) {
+                tracing::warn!("line {}: poke and squeeze need contact, which this version does not have; passed over", action.line);
+            }
+            if matches!(action.kind, ActionKind::Cut { cap: true, .. }) {
+                tracing::info!("line {}: caps are not built yet; the pieces stay open", action.line);
+            }
+        }
+        let camera = CameraPose {
+            eye: script.camera.eye.unwrap_or(default_camera.eye),
+            target: script.camera.target.unwrap_or(default_camera.target),
+            up: script.camera.up,
+            fov_y: script.camera.fov_y,
+        };
+        let progress = vec![Progress::default(); script.actions.len()];
+        Self { script, width, camera, progress }
+    }
+
+    /// Number of frames to play.
+    pub fn frames(&self) -> usize {
+        self.script.total_frames() as usize
+    }
+
+    /// The input of a frame. Frames are asked for in order, each once.
+    pub fn frame(&mut self, frame: usize) -> InputFrame {
+        let now = self.script.time_of(frame as u32);
+        let mut input = InputFrame { time_s: now, step_s: self.script.step, camera: Some(self.camera_at(now)), ..InputFrame::default() };
+        for i in 0..self.script.actions.len() {
+            let at = self.script.actions[i].at;
+            // a hair of tolerance, so that 0.5 s is frame 45 of 90 however the step was rounded
+            if now + 1e-9 >= at && !self.progress[i].ended {
+                self.act(i, now, &mut input);
+            }
+        }
+        input
+    }
+
+    fn act(&mut self, i: usize, now: f64, input: &mut InputFrame) {
+        let action = &self.script.actions[i];
+        let progress = &mut self.progress[i];
+        let local = now - action.at + 1e-9;
+        let begins = !std::mem::replace(&mut progress.begun, true);
+        let id = i as u32;
+        match &action.kind {
+            ActionKind::Tear { path } => {
+                if begins {
+                    input.commands.push(EditCommand::StrokeBegin { width: self.width });
+                }
+                let poses = path.poses();
+                while progress.fed < poses.len() && poses[progress.fed].t <= local {
+                    input.commands.push(EditCommand::StrokePose(poses[progress.fed]));
+                    progress.fed += 1;
+                }
+                match poses.get(progress.fed) {
+                    Some(next) if progress.fed > 0 => {
+                        let last = poses[progress.fed - 1];
+                        let t = now - action.at;
+                        if t > last.t {
+                            let u = (t - last.t) / (next.t - last.t);
+                            input.commands.push(EditCommand::StrokePose(last.lerp(next, u)));
+                        }
+                    }
+                    Some(_) => {}
+                    None => {
+                        input.commands.push(EditCommand::StrokeEnd);
+                        progress.ended = true;
+                    }
+                }
+            }
+            ActionKind::Cut { plane, .. } => {
+                let plane = Plane::Equation { normal: plane.normal, offset: plane.distance };
+                input.commands.push(EditCommand::Cut(plane));
+                progress.ended = true;
+            }
+            ActionKind::Grab { center, radius, until, moves } => {
+                if begins {
+                    input.commands.push(EditCommand::GrabBegin { id, center: *center, radius: *radius });
+                }
+                if now + 1e-9 >= *until {
+                    input.commands.push(EditCommand::GrabEnd { id });
+                    progress.ended = true;
+                } else {
+                    input.commands.push(EditCommand::GrabMove { id, by: Motion::sample(moves, DVec3::ZERO, local) });
+                }
+            }
+            ActionKind::Undo => self.once(i, EditCommand::Undo, input),
+            ActionKind::Redo => self.once(i, EditCommand::Redo, input),
+            ActionKind::Reset => self.once(i, EditCommand::Reset, input),
+            ActionKind::Show { layer, on } => {
+                input.show.push((*layer, *on));
+                progress.ended = true;
+            }
+            ActionKind::Poke { .. } | ActionKind::Squeeze { .. } => progress.ended = true,
+        }
+    }
+
+    fn once(&mut self, i: usize, command: EditCommand, input: &mut InputFrame) {
+        input.commands.push(command);
+        self.progress[i].ended = true;
+    }
+
+    /// The camera, turned about its target by the script's orbit.
+    fn camera_at(&self, now: f64) -> CameraPose {
+        let axis = self.camera.up.try_normalize().unwrap_or(DVec3::Y);
+        let turn = DQuat::from_axis_angle(axis, self.script.camera.orbit * now);
+        CameraPose { eye: self.camera.target + turn * (self.camera.eye - self.camera.target), ..self.camera }
+    }
+}
