@@ -61,8 +61,12 @@ fn corner(@builtin(vertex_index) index: u32) -> Corner {
     return out;
 }
 
+// A number from -1 to 1 for each point of the lattice.
 fn lattice(p: vec3i) -> f32 {
-    return f32(hash(vec3u(p + vec3i(4096))).x >> 8u) / 8388608.0 - 1.0;
+    var h = bitcast<u32>(p.x) * 0x8da6b343u + bitcast<u32>(p.y) * 0xd8163841u + bitcast<u32>(p.z) * 0xcb1ab31fu;
+    h = (h ^ (h >> 15u)) * 0x2c1b3c6du;
+    h ^= h >> 13u;
+    return f32(h >> 8u) / 8388608.0 - 1.0;
 }
 
 // Value noise in -1 to 1 with its gradient: (value, d/dx, d/dy, d/dz).

@@ -80,7 +80,7 @@ fn renderer() -> Renderer {
 
 fn deform(renderer: &mut Renderer, model: &Model) -> Vec<[f32; 3]> {
     renderer.sync(1, &model.view(), &TissueDirty::Full).expect("sync");
-    renderer.deform();
+    renderer.deform().expect("deform");
     renderer.read_positions(1).expect("positions")
 }
 
@@ -121,9 +121,8 @@ fn plain_weight_interpolation_is_noticed() {
             return model.pose.skin(&model.rows, v);
         }
         let rest = model.rows.rest(v);
-        let bone = |b: &incise::rig::BoneWeight| {
-            model.pose.joint_matrices[b.joint as usize].transform(rest) * f64::from(b.weight)
-        };
+        let bone =
+            |b: &incise::rig::BoneWeight| model.pose.joint_matrices[b.joint as usize].transform(rest) * f64::from(b.weight);
         row.iter().map(|e| e.weight * model.rows.bones.row(e.base.index()).iter().map(bone).sum::<DVec3>()).sum()
     };
     let wrong: Vec<DVec3> = model.vertices().map(|v| displaced(&model, v, plain(v))).collect();

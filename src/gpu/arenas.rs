@@ -3,12 +3,12 @@
 //! A range that outgrows its room moves; its content is copied on the GPU, so that an edit never uploads a whole mesh
 //! again. An arena that is full is replaced by a larger one the same way.
 //!
-//! Memory: [`bytes_per_vertex`]. Headroom adds a quarter.
+//! Memory: [`bytes_per_model`]. Headroom adds a quarter.
 
 use super::allocator::RangeAllocator;
 use super::context::Context;
 use super::error::GpuError;
-use super::types::{FaceRecord, Term, TissueRecord, VertexRecord};
+use super::types::{FaceRecord, Term, VertexRecord};
 use crate::geometry::Wedge;
 use std::ops::Range;
 
@@ -152,7 +152,7 @@ impl Arenas {
         *slot = Slot::default();
     }
 
-    /// Uploads `count` elements that `fill` writes, to `first` of the slot.
+    /// Uploads the entries `range` of the slot, as `element` gives them.
     pub fn upload<T: bytemuck::Pod>(
         &mut self,
         queue: &wgpu::Queue,
@@ -200,17 +200,6 @@ impl Arenas {
         arena.allocator.grow(grown as u32);
         self.generation += 1;
         Ok(arena.allocator.take(room as u32).expect("the arena was grown to hold it"))
-    }
-}
-
-/// The slot of a tissue's stream in the table of slots.
-impl TissueRecord {
-    /// A transform as the record stores it.
-    pub fn rows_of(m: glam::DAffine3) -> [[f32; 4]; 3] {
-        let row = |r: usize| {
-            [m.matrix3.x_axis[r] as f32, m.matrix3.y_axis[r] as f32, m.matrix3.z_axis[r] as f32, m.translation[r] as f32]
-        };
-        [row(0), row(1), row(2)]
     }
 }
 

@@ -2,7 +2,7 @@
 //! handed over in parts.
 
 use super::error::GpuError;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Which adapter to look for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -48,6 +48,8 @@ pub struct Context {
     name: String,
     kind: AdapterKind,
     samples: u32,
+    /// What the driver reported first, out of turn.
+    failure: Arc<OnceLock<String>>,
 }
 
 /// Format of the pictures.
@@ -71,7 +73,8 @@ impl Context {
     pub fn from_parts(instance: wgpu::Instance, adapter: wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = adapter.get_info();
         let samples = sample_count(&adapter);
-        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue: Mutex::new(queue), samples }
+        let failure = watch(&device);
+        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue: Mutex::new(queue), samples, failure }
     }
 
     /// The instance.
@@ -111,7 +114,13 @@ impl Context {
 
     /// Waits until everything submitted so far has run.
     pub fn wait(&self) -> Result<(), GpuError> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map(drop).map_err(|e| GpuError::Lost(e.to_string()))
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| GpuError::Lost(e.to_string()))?;
+        self.check()
+    }
+
+    /// Errors if the device was lost, ran out of memory, or refused a call.
+    pub fn check(&self) -> Result<(), GpuError> {
+        self.failure.get().map_or(Ok(()), |text| Err(GpuError::Lost(text.clone())))
     }
 }
 
@@ -136,6 +145,20 @@ pub fn open_device(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue
     limits.max_storage_buffer_binding_size = has.max_storage_buffer_binding_size;
     let descriptor = wgpu::DeviceDescriptor { label: Some("incise"), required_limits: limits, ..Default::default() };
     pollster::block_on(adapter.request_device(&descriptor)).map_err(|source| GpuError::Device { adapter: name, source })
+}
+
+/// Notes the first error that comes outside a call's own result; by itself wgpu would end the program.
+fn watch(device: &wgpu::Device) -> Arc<OnceLock<String>> {
+    let failure = Arc::new(OnceLock::new());
+    let note = Arc::clone(&failure);
+    device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| drop(note.set(error.to_string()))));
+    let note = Arc::clone(&failure);
+    device.set_device_lost_callback(move |reason, text| {
+        if reason != wgpu::DeviceLostReason::Destroyed {
+            drop(note.set(text));
+        }
+    });
+    failure
 }
 
 fn best_adapter(adapters: Vec<wgpu::Adapter>, choice: AdapterChoice) -> Result<wgpu::Adapter, GpuError> {

@@ -177,16 +177,21 @@ impl WorkList {
     fn upload(&mut self, context: &Context) -> ((u32, u32), u64) {
         let groups = dispatch_shape(self.items.len() as u32);
         self.items.resize(groups.0 as usize * groups.1 as usize, WorkItem { tissue: u32::MAX, first: 0 });
-        if self.items == self.uploaded {
-            return (groups, 0);
-        }
+        let same = self.items.iter().zip(&self.uploaded).take_while(|(a, b)| a == b).count();
+        let mut first = same;
         if self.buffer.size() < (self.items.len() * size_of::<WorkItem>()) as u64 {
             self.buffer = Self::make(context, self.items.len() * 3 / 2);
             self.generation += 1;
+            first = 0;
         }
-        let bytes: &[u8] = bytemuck::cast_slice(&self.items);
-        context.queue().write_buffer(&self.buffer, 0, bytes);
-        self.uploaded.clone_from(&self.items);
+        // What is on the GPU past the list's end stays valid, so going back to a longer list costs nothing either.
+        if first == self.items.len() {
+            return (groups, 0);
+        }
+        let bytes: &[u8] = bytemuck::cast_slice(&self.items[first..]);
+        context.queue().write_buffer(&self.buffer, (first * size_of::<WorkItem>()) as u64, bytes);
+        self.uploaded.truncate(first);
+        self.uploaded.extend_from_slice(&self.items[first..]);
         (groups, bytes.len() as u64)
     }
 }

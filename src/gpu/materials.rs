@@ -104,7 +104,7 @@ impl Materials {
             self.ranges.resize(slot + 1, (0, 0));
         }
         let (first, count) = self.ranges[slot];
-        for record in &records[..] {
+        for record in records {
             self.layers[record.layer as usize].users += 1;
         }
         for record in &self.table[first as usize..(first + count) as usize] {

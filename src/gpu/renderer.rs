@@ -133,12 +133,13 @@ impl Renderer {
     }
 
     /// Uploads records and computes final positions and normals of every tissue that needs it; none, and nothing is
-    /// dispatched or submitted.
-    pub fn deform(&mut self) {
+    /// dispatched or submitted. Errors: the device failed, now or earlier.
+    pub fn deform(&mut self) -> Result<(), GpuError> {
         let mut encoder = self.encoder("deform");
         if self.encode_deform(&mut encoder) {
             self.context.queue().submit([encoder.finish()]);
         }
+        self.context.check()
     }
 
     /// [`Renderer::deform`] into an encoder of the caller's. False if there was nothing to do.
@@ -160,7 +161,7 @@ impl Renderer {
         dispatches > 0
     }
 
-    /// Deforms what needs it and draws a picture into the offscreen target. Errors: camera or size.
+    /// Deforms what needs it and draws a picture into the offscreen target. Errors: camera, size, or the device failed.
     pub fn draw(&mut self, camera: &Camera, size: (u32, u32), options: &DrawOptions<'_>) -> Result<(), GpuError> {
         if self.targets.as_ref().is_none_or(|t| t.size() != size) {
             self.targets = Some(Targets::new(&self.context, size)?);
@@ -171,7 +172,7 @@ impl Renderer {
         self.targets = Some(targets);
         drawn?;
         self.context.queue().submit([encoder.finish()]);
-        Ok(())
+        self.context.check()
     }
 
     /// [`Renderer::draw`] into an encoder and views of the caller's.

@@ -48,9 +48,15 @@ impl TissuePass {
         };
         let tissue = shape.build(context);
         let shadow_layouts = [Some(&stage.view_layout), Some(&shadow_layout)];
-        let shadow =
-            PipelineShape { shader: "shadow", vertex: "lamp_corner", fragment: None, layouts: &shadow_layouts, samples: 1, ..shape }
-                .build(context);
+        let shadow = PipelineShape {
+            shader: "shadow",
+            vertex: "lamp_corner",
+            fragment: None,
+            layouts: &shadow_layouts,
+            samples: 1,
+            ..shape
+        }
+        .build(context);
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("textures"),
             address_mode_u: wgpu::AddressMode::Repeat,

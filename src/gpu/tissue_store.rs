@@ -359,7 +359,7 @@ fn clamped(ranges: &[Range<usize>], len: u32) -> impl Iterator<Item = Range<usiz
 
 /// Everything, as ranges; they are clamped on use.
 fn full_ranges(view: &TissueView<'_>) -> DirtyRanges {
-    let all = |len: usize| vec![0..len];
+    let all = |len: usize| Vec::from([Range { start: 0, end: len }]);
     DirtyRanges {
         vertices: all(view.mesh.vertex_slots()),
         bones: all(view.rows.bones.arena().len()),

@@ -76,6 +76,13 @@ gpu_struct!(
     }
 );
 
+impl TissueRecord {
+    /// A transform as the record stores it.
+    pub fn rows_of(m: glam::DAffine3) -> [[f32; 4]; 3] {
+        crate::rig::JointMatrix::from_affine(m).rows
+    }
+}
+
 /// The tissue has joints.
 pub const SKINNED: u32 = 1;
 /// Some particle of the tissue is displaced.

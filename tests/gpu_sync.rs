@@ -1,0 +1,255 @@
+//! What is uploaded and run, and when: dirty ranges, growth, sleep, fades; asserted by counters and by results.
+#![cfg(feature = "gpu")]
+
+mod gpu_support;
+
+use glam::DVec3;
+use gpu_support::{Model, bar, bend, context, sphere};
+use incise::geometry::topology::{NewFace, TopologyScratch};
+use incise::geometry::{FaceId, ParticleId, Wedge, WedgeId};
+use incise::gpu::arenas::bytes_per_model;
+use incise::gpu::{Camera, DrawOptions, GpuCounters, GpuError, Renderer, TissueDirty};
+use incise::particles::Influence;
+
+fn renderer() -> Renderer {
+    Renderer::new(context())
+}
+
+fn camera() -> Camera {
+    Camera { eye: DVec3::new(0.0, 1.0, 3.0), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.8 }
+}
+
+fn frame(renderer: &mut Renderer, model: &Model, dirty: &TissueDirty) -> GpuCounters {
+    renderer.take_counters();
+    renderer.sync(1, &model.view(), dirty).expect("sync");
+    renderer.draw(&camera(), (64, 48), &DrawOptions::default()).expect("draw");
+    renderer.take_counters()
+}
+
+fn clean() -> TissueDirty {
+    TissueDirty::clean()
+}
+
+/// Splits a face into three around an embedded vertex, moved by particle 0 if there is one.
+fn split_face(model: &mut Model, face: FaceId) {
+    let corners = model.mesh.face(face);
+    let wedges = model.mesh.face_wedges(face);
+    let centre = model.rows.push_embedded(&corners.map(|c| (c, 1.0 / 3.0)));
+    assert_eq!(model.mesh.add_vertex(), centre);
+    let influences: &[Influence] = if model.map.is_empty() { &[] } else { &[Influence { particle: ParticleId(0), weight: 1.0 }] };
+    model.map.influences.push_row(influences);
+    let normal = model.mesh.wedge(wedges[0]).normal;
+    let wedge = model.mesh.add_wedge(Wedge { vertex: centre, group: WedgeId::NONE, uv: [0.0; 2], normal, colour: u32::MAX });
+    let info = model.mesh.face_info(face);
+    let part = |k: usize| NewFace {
+        corners: [corners[k], corners[(k + 1) % 3], centre],
+        wedges: [wedges[k], wedges[(k + 1) % 3], wedge],
+        info,
+        side: 0,
+    };
+    model.mesh.replace_faces(&[face], &[part(0), part(1), part(2)], |_| 0, &mut TopologyScratch::default());
+}
+
+fn take_dirty(model: &mut Model) -> TissueDirty {
+    TissueDirty::from_deltas(&model.mesh.take_delta(), &model.rows.take_delta(), &model.map.take_delta())
+}
+
+/// Positions and normals after a fresh, full upload.
+fn fresh(model: &Model) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+    let mut other = renderer();
+    other.sync(1, &model.view(), &TissueDirty::Full).expect("sync");
+    other.deform().expect("deform");
+    results(&other, 1)
+}
+
+fn results(renderer: &Renderer, key: u64) -> (Vec<[f32; 3]>, Vec<[f32; 3]>) {
+    (renderer.read_positions(key).expect("positions"), renderer.read_normals(key).expect("normals"))
+}
+
+/// A bent bar under two particles, one displaced.
+fn soft_bar() -> Model {
+    let particles = [(DVec3::new(0.1, 0.1, 0.0), DVec3::new(0.0, 0.03, 0.0)), (DVec3::new(-0.3, 0.1, 0.0), DVec3::ZERO)];
+    let mut model = bar(6).with_particles(&particles, 0.4);
+    model.pose = bend(0.6);
+    model
+}
+
+#[test]
+fn a_frame_with_nothing_new_uploads_and_dispatches_nothing() {
+    let mut renderer = renderer();
+    let model = soft_bar();
+    let first = frame(&mut renderer, &model, &TissueDirty::Full);
+    assert!(first.dispatches == 2 && first.bytes_uploaded > 0 && first.draws > 0);
+    let asleep = frame(&mut renderer, &model, &clean());
+    assert_eq!((asleep.dispatches, asleep.bytes_uploaded), (0, 0));
+    assert_eq!(asleep.draws, first.draws);
+}
+
+#[test]
+fn a_new_pose_uploads_its_joints_only() {
+    let mut renderer = renderer();
+    let mut model = soft_bar();
+    frame(&mut renderer, &model, &TissueDirty::Full);
+    model.pose = bend(0.7);
+    model.versions.pose += 1;
+    let counters = frame(&mut renderer, &model, &clean());
+    // The view record moves with the shadow map's frame; nothing else.
+    let view = size_of::<incise::gpu::types::View>();
+    assert_eq!((counters.dispatches, counters.bytes_uploaded), (2, (3 * 48 + view) as u64));
+    assert_eq!(results(&renderer, 1), fresh(&model));
+}
+
+#[test]
+fn edits_upload_in_proportion_and_give_the_same_bits_as_a_full_upload() {
+    let mut renderer = renderer();
+    let mut model = soft_bar();
+    let neighbour = sphere(8, 1.0);
+    renderer.sync(0, &neighbour.view(), &TissueDirty::Full).expect("sync");
+    let whole = frame(&mut renderer, &model, &TissueDirty::Full).bytes_uploaded;
+    let neighbour_before = results(&renderer, 0);
+    let mut most = 0;
+    let mut face = 5;
+    for edit in 0..400 {
+        let faces = model.mesh.face_slots();
+        split_face(&mut model, FaceId::new(face % faces));
+        face = (face * 7 + 3) % 100_003;
+        let dirty = take_dirty(&mut model);
+        let counters = frame(&mut renderer, &model, &dirty);
+        assert_eq!(counters.dispatches, 2);
+        most = most.max(counters.bytes_uploaded);
+        if edit % 80 == 79 {
+            assert_eq!(results(&renderer, 1), fresh(&model), "edit {edit}");
+        }
+    }
+    println!("whole model {whole} bytes, largest edit {most} bytes");
+    assert!(most * 10 < whole, "largest edit {most}, whole model {whole}");
+    assert_eq!(results(&renderer, 0), neighbour_before, "growth must not disturb a neighbour");
+}
+
+#[test]
+fn an_undone_edit_returns_to_the_same_bits() {
+    let mut renderer = renderer();
+    let mut model = soft_bar();
+    take_dirty(&mut model);
+    frame(&mut renderer, &model, &TissueDirty::Full);
+    let before = results(&renderer, 1);
+    split_face(&mut model, FaceId(40));
+    let deltas = (model.mesh.take_delta(), model.rows.take_delta(), model.map.take_delta());
+    let dirty = TissueDirty::from_deltas(&deltas.0, &deltas.1, &deltas.2);
+    frame(&mut renderer, &model, &dirty);
+    assert_ne!(results(&renderer, 1), before);
+    let back = (model.mesh.apply_delta(deltas.0), model.rows.apply_delta(deltas.1), model.map.apply_delta(deltas.2));
+    frame(&mut renderer, &model, &TissueDirty::from_deltas(&back.0, &back.1, &back.2));
+    assert_eq!(results(&renderer, 1), before);
+}
+
+#[test]
+fn an_edit_that_is_not_told_is_noticed() {
+    let mut renderer = renderer();
+    let mut model = soft_bar();
+    frame(&mut renderer, &model, &TissueDirty::Full);
+    split_face(&mut model, FaceId(3));
+    frame(&mut renderer, &model, &clean());
+    assert_ne!(results(&renderer, 1), fresh(&model));
+}
+
+#[test]
+fn a_fade_keeps_the_pass_running_until_it_ends() {
+    let mut renderer = renderer();
+    let mut model = soft_bar();
+    let still = fresh(&model);
+    model.fades = vec![[0.0; 4]; model.rows.len()];
+    model.fades[7] = [0.05, 0.0, 0.0, 10.0];
+    model.time_s = 10.0;
+    frame(&mut renderer, &model, &TissueDirty::Full);
+    let at_start = results(&renderer, 1);
+    assert_ne!(at_start, still);
+    let mut dispatches = Vec::new();
+    for step in 1..=6 {
+        model.time_s = 10.0 + 0.1 * f64::from(step) + 1e-3;
+        dispatches.push(frame(&mut renderer, &model, &clean()).dispatches);
+    }
+    assert_eq!(dispatches, [2, 2, 2, 0, 0, 0]); // the third takes the fade off
+    assert_eq!(results(&renderer, 1), still);
+}
+
+#[test]
+fn only_fades_that_changed_are_uploaded() {
+    let mut renderer = renderer();
+    let mut model = soft_bar();
+    model.fades = vec![[0.0; 4]; model.rows.len()];
+    frame(&mut renderer, &model, &TissueDirty::Full);
+    model.fades[20] = [0.01, 0.0, 0.0, 0.0];
+    model.versions.fades += 1;
+    let counters = frame(&mut renderer, &model, &clean());
+    assert!(counters.bytes_uploaded < 16 + 512, "{counters:?}");
+    assert_eq!(results(&renderer, 1), fresh(&model));
+}
+
+#[test]
+fn memory_is_what_the_documentation_says() {
+    let model = soft_bar();
+    let terms = model.rows.bones.arena().len() + model.rows.rows.arena().len() + model.map.influences.arena().len();
+    let (v, w, f) = (model.mesh.vertex_slots(), model.mesh.wedges().len(), model.mesh.face_slots());
+    assert_eq!(bytes_per_model(v, w, f, terms), v * 56 + w * 48 + f * 32 + terms * 8);
+    // A closed surface with one wedge a vertex, two bones and four influences: 216 bytes a vertex.
+    assert_eq!(bytes_per_model(1000, 1000, 2000, 6000), 216_000);
+}
+
+#[test]
+fn removed_tissues_leave_no_trace() {
+    let mut renderer = renderer();
+    let empty = renderer.render_to_image(&camera(), (64, 48), &DrawOptions::default()).expect("an empty scene");
+    let model = soft_bar();
+    frame(&mut renderer, &model, &TissueDirty::Full);
+    let with = renderer.render_to_image(&camera(), (64, 48), &DrawOptions::default()).expect("a picture");
+    renderer.remove(1);
+    renderer.remove(99);
+    let without = renderer.render_to_image(&camera(), (64, 48), &DrawOptions::default()).expect("a picture");
+    assert!(empty == without && empty != with);
+    assert!(matches!(renderer.read_positions(1), Err(GpuError::UnknownTissue(1))));
+    frame(&mut renderer, &model, &clean());
+    assert_eq!(results(&renderer, 1), fresh(&model), "a new tissue is uploaded whole, whatever the caller says");
+}
+
+#[test]
+fn inconsistent_views_and_sizes_are_refused() {
+    let mut renderer = renderer();
+    let mut model = soft_bar();
+    model.displacements.pop();
+    assert!(matches!(renderer.sync(1, &model.view(), &TissueDirty::Full), Err(GpuError::BadView(_))));
+    let mut model = soft_bar();
+    model.fades = vec![[0.0; 4]; 3];
+    assert!(matches!(renderer.sync(1, &model.view(), &TissueDirty::Full), Err(GpuError::BadView(_))));
+    assert_eq!(renderer.keys().count(), 0);
+    for size in [(0, 10), (10, 0), (1 << 20, 10)] {
+        assert!(matches!(renderer.draw(&camera(), size, &DrawOptions::default()), Err(GpuError::BadSize { .. })));
+    }
+    assert!(renderer.draw(&camera(), (1, 1), &DrawOptions::default()).is_ok());
+}
+
+#[test]
+fn empty_and_nan_models_do_not_harm() {
+    let mut renderer = renderer();
+    let empty = Model::new(Vec::new(), Vec::new(), Default::default());
+    let mut odd = sphere(3, 1.0);
+    odd.displacements.clear();
+    odd.rows.rest_position.set(0, [f32::NAN; 3]);
+    frame(&mut renderer, &empty, &TissueDirty::Full);
+    assert_eq!(results(&renderer, 1), (Vec::new(), Vec::new()));
+    frame(&mut renderer, &odd, &TissueDirty::Full);
+    assert_eq!(results(&renderer, 1).0.len(), odd.rows.len());
+}
+
+#[test]
+fn many_tissues_are_one_dispatch_and_one_draw() {
+    let mut renderer = renderer();
+    let few = frame(&mut renderer, &sphere(4, 1.0), &TissueDirty::Full);
+    for key in 2..40 {
+        renderer.sync(key, &sphere(4, 1.0).view(), &TissueDirty::Full).expect("sync");
+    }
+    renderer.take_counters();
+    renderer.draw(&camera(), (64, 48), &DrawOptions::default()).expect("draw");
+    let many = renderer.take_counters();
+    assert_eq!((many.dispatches, many.draws), (2, few.draws));
+}
