@@ -4,6 +4,7 @@ use super::CliError;
 use crate::config::Config;
 use crate::formats::{self, Model};
 use crate::particles::ParticleSettings;
+use crate::physics::NetworkSettings;
 use crate::rig::Rig;
 use crate::scene::{Scene, SceneSettings};
 use crate::tissue::{Tissue, TissueSettings};
@@ -78,13 +79,19 @@ pub fn find_animation(rig: &Rig, pose: &PoseArgs) -> Result<Option<usize>, CliEr
     })
 }
 
+/// Springs of the active material.
+pub fn network_settings(config: &Config) -> NetworkSettings {
+    let preset = config.dynamics.active();
+    NetworkSettings { frequency_hz: preset.frequency, damping_ratio: preset.damping, coupling: preset.coupling }
+}
+
 /// How the scene's tissue is made.
 pub fn tissue_settings(config: &Config, particles: Option<ParticleSettings>) -> TissueSettings {
     TissueSettings {
         particles,
-        network: config.network_settings(),
-        section_faces: config.sections.faces,
-        fade_s: config.tear.fade_time,
+        network: network_settings(config),
+        section_faces: config.sections.faces as usize,
+        fade_s: config.dynamics.fade_time,
     }
 }
 
@@ -97,7 +104,7 @@ pub fn posed_scene(
 ) -> Result<Scene, CliError> {
     let animation = find_animation(&model.rig, pose)?;
     let tissue = Tissue::new(model, &tissue_settings(config, particles)).map_err(CliError::input)?;
-    let settings = SceneSettings { tear_width: config.tear.width, sampling: config.sampling, sample_distance: None };
+    let settings = SceneSettings { sampling: config.sampling, sample_distance: None, sample_time: None };
     let mut scene = Scene::new(tissue, settings);
     scene.set_animation(animation);
     scene.pose(0.0, pose.time);

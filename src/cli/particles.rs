@@ -46,7 +46,14 @@ impl Particles {
                 "spacing": settings.spacing,
                 "radius": settings.radius,
                 "neighbour_distance": settings.neighbours,
-                "quality": quality,
+                "quality": {
+                    "min_spacing_same_sheet": quality.min_spacing_same_sheet,
+                    "min_spacing_euclidean": quality.min_spacing_euclidean,
+                    "coverage": quality.coverage,
+                    "radius_ratio": quality.radius_ratio,
+                    "nearest_cv": quality.nearest_cv,
+                    "truncation_error": layer.truncation_error,
+                },
                 "time_ms": super::report_json::stages(&stages),
             }));
             return Ok(());

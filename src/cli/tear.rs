@@ -5,7 +5,7 @@ use super::common::{Format, ParticleArgs, PoseArgs, load, posed_scene, print_jso
 use super::report_json;
 use crate::config::Config;
 use crate::formats::{ExportPiece, export_glb, export_obj};
-use crate::particles::map_json::MapFile;
+use crate::particles::map_json;
 use crate::scene::{EditCommand, Scene};
 use crate::surgery::{BladePath, write_boxes};
 use clap::Args;
@@ -82,7 +82,7 @@ impl Tear {
         let deviation = self.write(&scene)?;
         if let Some(file) = &self.boxes {
             let mut bytes = Vec::new();
-            write_boxes(&mut bytes, scene.last_tear_boxes()).map_err(CliError::run)?;
+            write_boxes(&mut bytes, scene.last_tear_boxes(), glam::DVec3::ZERO).map_err(CliError::run)?;
             write_file(file, &bytes)?;
         }
         self.write_map(&scene)?;
@@ -129,7 +129,7 @@ impl Tear {
     fn write_map(&self, scene: &Scene) -> Result<(), CliError> {
         let (Some(file), Some((_, tissue))) = (&self.map_out, scene.tissues().next()) else { return Ok(()) };
         let Some(layer) = tissue.layer() else { return Ok(()) };
-        let map = MapFile::new(tissue.mesh(), tissue.rest_positions(), &layer.map, &layer.strips, tissue.offset());
-        write_file(file, &serde_json::to_vec(&map).map_err(CliError::run)?)
+        let json = map_json(tissue.mesh(), tissue.rest_positions(), &layer.map, &layer.strips, tissue.offset());
+        write_file(file, &serde_json::to_vec(&json).map_err(CliError::run)?)
     }
 }

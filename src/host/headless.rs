@@ -102,7 +102,7 @@ impl FrameTarget for HeadlessTarget {
     fn present(&mut self, view: &FrameView, stages: &mut Stages, counters: &mut FrameCounters) -> Result<(), GpuError> {
         stages.time("upload", || self.sync(view))?;
         stages.time("deform", || {
-            self.renderer.deform();
+            self.renderer.deform()?;
             self.renderer.context().wait()
         })?;
         stages.time("draw", || {
@@ -158,15 +158,14 @@ fn tissue_view<'a>(tissue: &'a Tissue, materials: &'a [MaterialView<'a>]) -> Tis
 }
 
 fn material_views(materials: &[Material]) -> Vec<MaterialView<'_>> {
-    let texture = |m: &Material| m.texture.as_ref().map(|t| t.as_ref());
     materials
         .iter()
         .map(|m| MaterialView {
             base_colour: m.base_colour,
             texture: m.texture.as_ref().map(|t| TextureView { width: t.width, height: t.height, rgba: &t.rgba }),
             // a picture on the surface is skin or fur: drier and less translucent than bare flesh
-            wetness: if texture(m).is_some() { 0.25 } else { MaterialView::FLESH.wetness },
-            scatter: if texture(m).is_some() { 0.4 } else { MaterialView::FLESH.scatter },
+            wetness: if m.texture.is_some() { 0.25 } else { MaterialView::FLESH.wetness },
+            scatter: if m.texture.is_some() { 0.4 } else { MaterialView::FLESH.scatter },
             ..MaterialView::FLESH
         })
         .collect()

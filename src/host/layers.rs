@@ -29,8 +29,8 @@ pub(super) fn layer_lines(view: &FrameView) -> Vec<LineSegment> {
             }
         }
         if layer == Layer::Boxes {
-            for corners in view.scene.last_boxes() {
-                outline(*corners, &mut lines);
+            for tear_box in view.scene.last_tear_boxes() {
+                outline(tear_box.corners(), &mut lines);
             }
         }
     }

@@ -117,6 +117,7 @@ impl Scene {
         if !self.strokes.is_empty() {
             return;
         }
+        self.last_boxes.clear();
         for (&id, tissue) in &self.tissues {
             let stroke = TearStroke::new(tissue, width, self.sampling(tissue));
             self.strokes.push(StrokeOf { id, stroke, before: Before::of(tissue), deltas: Vec::new() });
@@ -146,6 +147,7 @@ impl Scene {
             report.area_before += before.area;
             report.volume_before += before.volume;
             add_segments(&mut report, &stroke);
+            self.last_boxes.extend(stroke.boxes().iter().map(|b| b.translated(tissue.offset())));
             note_delta(&mut self.changes, id, tissue, &mut deltas);
             if !stroke.has_torn() {
                 continue;

@@ -9,7 +9,7 @@ pub use edit::EditCommand;
 pub use report::{EditReport, Outcome, PieceReport};
 
 use crate::geometry::StateHash;
-use crate::surgery::Sampling;
+use crate::surgery::{Sampling, TearBox};
 use crate::surgery::plane_cut::PlaneCutScratch;
 use crate::tissue::{Tissue, TissueDelta};
 use grab::Grab;
@@ -24,12 +24,12 @@ pub struct TissueId(pub u32);
 /// What the scene needs to know of the tools.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneSettings {
-    /// Width of tears, metres, above 0.
-    pub tear_width: f64,
     /// How blade paths are sampled, as fractions of the model.
     pub sampling: crate::surgery::SamplingSettings,
     /// Length of one sample, metres, where given; else from the settings and the model.
     pub sample_distance: Option<f64>,
+    /// Longest time between samples, seconds, where given.
+    pub sample_time: Option<f64>,
 }
 
 /// Tissues and their history. Positions are in model space: tissue space plus the tissue's offset.
@@ -39,6 +39,7 @@ pub struct Scene {
     history: History,
     strokes: Vec<edit::StrokeOf>,
     changes: Option<Vec<(TissueId, Arc<TissueDelta>)>>,
+    last_boxes: Vec<TearBox>,
     grabs: Vec<Grab>,
     settings: SceneSettings,
     cut_scratch: PlaneCutScratch,
@@ -54,6 +55,7 @@ impl Scene {
             history: History::default(),
             strokes: Vec::new(),
             changes: None,
+            last_boxes: Vec::new(),
             grabs: Vec::new(),
             settings,
             cut_scratch: PlaneCutScratch::default(),
@@ -89,6 +91,11 @@ impl Scene {
     /// The tool settings.
     pub fn settings_mut(&mut self) -> &mut SceneSettings {
         &mut self.settings
+    }
+
+    /// Boxes of the last stroke, in model space, tissue by tissue.
+    pub fn last_tear_boxes(&self) -> &[TearBox] {
+        &self.last_boxes
     }
 
     /// The animation to play, by index into the rig; `None` rests.
@@ -144,9 +151,11 @@ impl Scene {
     }
 
     fn sampling(&self, tissue: &Tissue) -> Sampling {
+        let mut settings = self.settings.sampling;
+        settings.time = self.settings.sample_time.unwrap_or(settings.time);
         match self.settings.sample_distance {
-            Some(distance) => self.settings.sampling.with_distance(distance, tissue.diagonal()),
-            None => self.settings.sampling.scaled(tissue.diagonal()),
+            Some(distance) => settings.with_distance(distance, tissue.diagonal()),
+            None => settings.scaled(tissue.diagonal()),
         }
     }
 }

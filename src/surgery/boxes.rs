@@ -144,6 +144,16 @@ pub struct TearBox {
 }
 
 impl TearBox {
+    /// The same box moved by `by` (metres); corners and planes are rounded.
+    pub fn translated(&self, by: DVec3) -> Self {
+        Self {
+            quads: self.quads.map(|quad| quad.map(|p| p + by)),
+            blades: self.blades.map(|blade| blade.map(|p| p + by)),
+            planes: self.planes.map(|plane| HalfSpace { points: plane.points.map(|p| p + by), ..plane }),
+            ..self.clone()
+        }
+    }
+
     /// The eight corners.
     pub fn corners(&self) -> [DVec3; 8] {
         let [a, b] = &self.quads;

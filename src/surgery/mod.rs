@@ -15,6 +15,6 @@ pub mod tear;
 pub use blade_path::{BladePath, BladePose, EntryPoint, PathError, Sampling, SamplingSettings, SettingError, Surface};
 pub use boxes::{HalfSpace, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, plane_side};
 pub use boxes_obj::write_boxes;
-pub use chain::{ChainBuilder, ClippedSample};
-pub use path_sampler::{PathSample, PathSampler, SampleKind};
+pub use chain::ChainBuilder;
+pub use path_sampler::{ClippedSample, PathSample, PathSampler, SampleKind};
 pub use stroke::{Stroke, WallMode, tear_segments};

@@ -42,6 +42,8 @@ pub struct SoftLayer {
     pub strips: Strips,
     /// Displacements and velocities.
     pub network: Network,
+    /// Largest sum of weights that the limit of influences cut off at a vertex when the map was built.
+    pub truncation_error: f64,
 }
 
 /// Counters that change whenever what they name does.
@@ -200,7 +202,7 @@ impl Tissue {
         let (map, report) = ParticleMap::build(&self.mesh, &self.rest, &anchors, &settings);
         tracing::debug!(particles = anchors.len(), truncation = report.truncation_error, "soft layer");
         let network = Network::new(&topology(&map), network, self.diagonal)?;
-        Ok(SoftLayer { settings, map, strips: Strips::default(), network })
+        Ok(SoftLayer { settings, map, strips: Strips::default(), network, truncation_error: report.truncation_error })
     }
 
     fn build_sections(&mut self) {

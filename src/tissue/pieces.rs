@@ -87,6 +87,6 @@ impl SoftLayer {
             let new = crate::geometry::ParticleId::new(new);
             network.set_state(new, self.network.displacement(*old), self.network.velocity(*old));
         }
-        Some(SoftLayer { settings: self.settings, map: particles, strips, network })
+        Some(SoftLayer { settings: self.settings, map: particles, strips, network, truncation_error: self.truncation_error })
     }
 }

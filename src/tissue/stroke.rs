@@ -189,7 +189,7 @@ type EdgeBits = u16;
 impl BoxPlanes {
     fn new(tear_box: &TearBox, flat: f64) -> Self {
         let mut all = Self { planes: Vec::with_capacity(MAX_PLANES), sides: Vec::new(), edge_planes: [[0; 4]; 2] };
-        let mut push = |all: &mut Self, k: usize| {
+        let push = |all: &mut Self, k: usize| {
             let space = &tear_box.planes[k];
             let plane = Plane::Points(space.points);
             all.planes.push(if space.flipped { plane.flipped() } else { plane });

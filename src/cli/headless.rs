@@ -1,0 +1,203 @@
+//! `incise headless`, and the demo of plain `incise`.
+
+use super::CliError;
+use super::common::{PoseArgs, find_animation, load, make_folder, print_line, tissue_settings, write_file};
+use super::report_json;
+use crate::app::{App, FrameReport};
+use crate::config::Config;
+use crate::formats::Model;
+use crate::gpu::{Bounds, Camera, GpuError};
+use crate::host::headless::{HeadlessTarget, run, visible_bounds};
+use crate::input::{CameraPose, Script, ScriptPlayer};
+use crate::particles::ParticleSettings;
+use crate::scene::{Scene, SceneSettings};
+use crate::tissue::Tissue;
+use clap::Args;
+use glam::DVec3;
+use serde_json::json;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+
+const DEMO: &str = include_str!("../../assets/scripts/demo.toml");
+
+/// Arguments.
+#[derive(Args)]
+pub struct Headless {
+    /// A .glb, .gltf, .obj or .stl file, or a bundled name (default: the script's).
+    model: Option<String>,
+    /// Script to play.
+    #[arg(long, value_name = "S.toml")]
+    script: Option<PathBuf>,
+    /// Animation to play (default: the script's).
+    #[arg(long, value_name = "NAME")]
+    animation: Option<String>,
+    /// Number of frames (default: the script's; without a script 1).
+    #[arg(long, value_name = "N")]
+    frames: Option<u32>,
+    /// Size of the pictures, pixels.
+    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = parse_size)]
+    size: (u32, u32),
+    /// Folder for frame-0000.png, ... and report.json.
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    #[arg(skip)]
+    demo: bool,
+}
+
+impl Headless {
+    /// What plain `incise` does: the bundled demo script into `out/`.
+    pub fn demo() -> Self {
+        Self { model: None, script: None, animation: None, frames: None, size: (640, 480), out: "out".into(), demo: true }
+    }
+
+    pub fn run(mut self, allocations: fn() -> u64) -> Result<(), CliError> {
+        let mut script = self.read_script()?;
+        script.frames = self.frames.or(script.frames).or((self.script.is_none() && !self.demo).then_some(1));
+        let (model, name) = self.read_model(&script)?;
+        self.animation = self.animation.take().or(script.animation.take());
+        let config = Config::default();
+        let pose = PoseArgs { animation: self.animation.clone(), time: 0.0 };
+        let animation = find_animation(&model.rig, &pose)?;
+        let (mut scene, width) = make_scene(model, &script, &config)?;
+        scene.set_animation(animation);
+        scene.pose(0.0, 0.0);
+        let mut app = App::new(scene, script.speed, allocations);
+        let camera = default_camera(&app, &script, self.size);
+        let mut target = HeadlessTarget::new(self.size, camera).map_err(CliError::run)?;
+        make_folder(&self.out)?;
+        let default = CameraPose { eye: camera.eye, target: camera.target, up: camera.up, fov_y: camera.fov_y };
+        let reports = self.play(&mut app, &mut target, ScriptPlayer::new(script, width, default))?;
+        self.write_report(&app, &target, &reports)?;
+        print_line(&format!("{name}: {} frame(s) and report.json in {}", reports.len(), self.out.display()));
+        Ok(())
+    }
+
+    fn read_script(&self) -> Result<Script, CliError> {
+        match &self.script {
+            Some(path) => Script::load(path).map_err(CliError::input),
+            None if self.demo => Script::parse(DEMO, Path::new("demo.toml")).map_err(CliError::input),
+            None => Ok(Script::default()),
+        }
+    }
+
+    /// The command line's model wins; the script's is a bundled name or a path relative to the script.
+    fn read_model(&self, script: &Script) -> Result<(Model, String), CliError> {
+        if let Some(name) = &self.model {
+            return Ok((load(name)?, name.clone()));
+        }
+        let Some(name) = &script.model else {
+            return Err(CliError::Input("no model: give one, or a --script that names one".into()));
+        };
+        if crate::formats::BUNDLED.contains(&name.as_str()) {
+            return Ok((load(name)?, name.clone()));
+        }
+        let path = script.resolve(name).display().to_string();
+        Ok((load(&path)?, path))
+    }
+
+    fn play(&self, app: &mut App, target: &mut HeadlessTarget, mut player: ScriptPlayer) -> Result<Vec<FrameReport>, CliError> {
+        let frames = player.frames();
+        let bar = if std::io::stderr().is_terminal() { indicatif::ProgressBar::new(frames as u64) } else { indicatif::ProgressBar::hidden() };
+        let size = self.size;
+        let reports = run(
+            app,
+            target,
+            frames,
+            |frame| player.frame(frame),
+            |frame, _, target| {
+                bar.inc(1);
+                write_png(&self.out.join(format!("frame-{frame:04}.png")), target.pixels(), size)
+            },
+        )?;
+        bar.finish_and_clear();
+        Ok(reports)
+    }
+
+    fn write_report(&self, app: &App, target: &HeadlessTarget, reports: &[FrameReport]) -> Result<(), CliError> {
+        let edits: Vec<serde_json::Value> = reports
+            .iter()
+            .enumerate()
+            .flat_map(|(frame, report)| report.edits.iter().map(move |edit| (frame, edit)))
+            .map(|(frame, edit)| {
+                let mut value = report_json::edit(edit);
+                value["frame"] = json!(frame);
+                value
+            })
+            .collect();
+        let frame = |report: &FrameReport| {
+            let stage = |name: &str| report.stages.get(name);
+            json!({
+                "time": report.time_s,
+                "stages_ms": {
+                    "tools": stage("tools"), "edit": stage("edit"), "pose": stage("pose"), "physics": stage("physics"),
+                    "upload": stage("upload"), "deform": stage("deform"), "draw": stage("draw"), "total": report.stages.total(),
+                },
+                "counters": {
+                    "dispatches": report.counters.dispatches,
+                    "draws": report.counters.draws,
+                    "bytes_uploaded": report.counters.bytes_uploaded,
+                    "faces_visited": report.counters.faces_visited,
+                    "particles_awake": report.counters.particles_awake,
+                    "allocations": report.counters.allocations,
+                },
+            })
+        };
+        let report = json!({
+            "adapter": target.adapter_name(),
+            "edit_hash": format!("{:016x}", app.scene.edit_hash()),
+            "state_hash": format!("{:016x}", app.scene.state_hash()),
+            "edits": edits,
+            "errors": { "gpu_vs_cpu_max": target.gpu_error(app).map_err(CliError::run)? },
+            "frames": reports.iter().map(frame).collect::<Vec<_>>(),
+        });
+        write_file(&self.out.join("report.json"), format!("{report:#}\n").as_bytes())
+    }
+}
+
+impl From<GpuError> for CliError {
+    fn from(error: GpuError) -> Self {
+        CliError::run(error)
+    }
+}
+
+/// The scene of a script, and the width of its tears in metres.
+fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, f64), CliError> {
+    let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(crate::geometry::VertexId::new(v))).collect();
+    let (low, high) = rest.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+    let diagonal = (high - low).length();
+    let mut particles = match script.particles.spacing {
+        Some(spacing) => ParticleSettings::with_spacing(spacing),
+        None => ParticleSettings::for_model(&model.mesh, &rest),
+    };
+    particles.radius = script.particles.radius.unwrap_or(particles.radius);
+    particles.neighbours = script.particles.neighbours.unwrap_or(particles.neighbours);
+    particles.seed = script.seed;
+    particles.wound.gap = script.tear.gap.unwrap_or(config.tear.gap * diagonal);
+    let mut settings = tissue_settings(config, Some(particles));
+    let network = &mut settings.network;
+    network.frequency_hz = script.particles.frequency.unwrap_or(network.frequency_hz);
+    network.damping_ratio = script.particles.damping.unwrap_or(network.damping_ratio);
+    network.coupling = script.particles.coupling.unwrap_or(network.coupling);
+    let tissue = Tissue::new(model, &settings).map_err(CliError::input)?;
+    let scene = SceneSettings { sampling: config.sampling, sample_distance: script.tear.sample_distance, sample_time: script.tear.sample_time };
+    Ok((Scene::new(tissue, scene), script.tear.width.unwrap_or(config.tear.width * diagonal)))
+}
+
+/// Frames the model from the front.
+fn default_camera(app: &App, script: &Script, size: (u32, u32)) -> Camera {
+    let (min, max) = visible_bounds(app);
+    let aspect = f64::from(size.0) / f64::from(size.1);
+    Camera::framing(Bounds { min, max }, DVec3::new(0.25, 0.35, 1.0), script.camera.up, script.camera.fov_y, aspect)
+}
+
+fn write_png(path: &Path, pixels: &[u8], (width, height): (u32, u32)) -> Result<(), CliError> {
+    image::save_buffer(path, pixels, width, height, image::ColorType::Rgba8)
+        .map_err(|e| CliError::Run(format!("cannot write {}: {e}", path.display())))
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let side = |text: &str| text.parse::<u32>().ok().filter(|n| (1..=8192).contains(n));
+    text.split_once(['x', 'X'])
+        .and_then(|(w, h)| Some((side(w)?, side(h)?)))
+        .ok_or_else(|| "give WIDTHxHEIGHT in pixels, each 1 to 8192, for example 640x480".into())
+}
