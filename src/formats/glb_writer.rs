@@ -27,6 +27,9 @@ pub(crate) struct GlbMesh {
     pub primitives: Vec<GlbPrimitive>,
 }
 
+/// JOINTS_n and WEIGHTS_n, a row a vertex.
+pub(crate) type BoneSet = (Vec<[u16; 4]>, Vec<[f32; 4]>);
+
 /// Triangles of one material. Optional arrays are empty.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GlbPrimitive {
@@ -35,8 +38,7 @@ pub(crate) struct GlbPrimitive {
     pub uvs: Vec<[f32; 2]>,
     /// RGBA8, red lowest.
     pub colours: Vec<u32>,
-    /// JOINTS_n and WEIGHTS_n, a pair a set.
-    pub bones: Vec<(Vec<[u16; 4]>, Vec<[f32; 4]>)>,
+    pub bones: Vec<BoneSet>,
     /// `_INCISE_VERTEX`, exact in f32.
     pub marks: Vec<f32>,
     pub indices: Vec<u32>,

@@ -2,7 +2,7 @@
 
 use super::FormatError;
 use super::export_weights::{PlainVertex, STATIC, blend, plain};
-use super::glb_writer::{self, GlbMesh, GlbPrimitive, GlbScene, GlbSkin};
+use super::glb_writer::{self, BoneSet, GlbMesh, GlbPrimitive, GlbScene, GlbSkin};
 use super::material::Material;
 use super::stored::WHITE;
 use crate::geometry::{FaceId, Mesh, VertexId};
@@ -258,7 +258,7 @@ impl<'a> Export<'a> {
 }
 
 /// As many sets of four as the vertex with most bones needs.
-fn bone_sets(bones: &[Vec<(u16, f32)>]) -> Vec<(Vec<[u16; 4]>, Vec<[f32; 4]>)> {
+fn bone_sets(bones: &[Vec<(u16, f32)>]) -> Vec<BoneSet> {
     let sets = bones.iter().map(|b| b.len().div_ceil(4)).max().unwrap_or(0);
     let entry = |b: &Vec<(u16, f32)>, i: usize| b.get(i).copied().unwrap_or((0, 0.0));
     (0..sets)

@@ -190,7 +190,10 @@ impl Import {
         }
         let all = self.posed_bounds(0..self.stored.positions.len());
         let origin = assemble::origin_of(all.0, all.1);
+        let nodes = &self.document.root.nodes;
+        let holds_mesh: Vec<bool> = self.rig.file_node.iter().map(|&n| nodes[n as usize].mesh.is_some()).collect();
         let mut rig = self.rig.rig;
+        gltf_rig::drop_mesh_leaves(&mut rig, &holds_mesh);
         rig.origin = origin;
         let (mesh, rows) = assemble::assemble(&self.stored, origin, &mut self.report)?;
         Ok(Model { name: name.into(), mesh, rows, rig, materials, offset: origin, report: self.report })
@@ -239,7 +242,7 @@ impl Import {
         let back = DAffine3 { matrix3: DMat3::from_diagonal(DVec3::splat(1.0 / scale)), translation: -shift / scale };
         for joint in joints {
             let joint = &mut self.rig.rig.joints[joint as usize];
-            joint.inverse_bind = joint.inverse_bind * back;
+            joint.inverse_bind *= back;
         }
     }
 }

@@ -68,7 +68,7 @@ pub(crate) fn triangles(
     if let Some(&index) = indices.iter().find(|&&i| i as usize >= count) {
         return Err(FormatError::range(format!("a face of {label}"), "vertex", index.into(), count));
     }
-    if mode == Mode::Triangles && indices.len() % 3 != 0 {
+    if mode == Mode::Triangles && !indices.len().is_multiple_of(3) {
         warn_once(warnings, "indices that do not fill a triangle are left out");
     }
     Ok(Some(match mode {

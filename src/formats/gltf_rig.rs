@@ -244,6 +244,39 @@ fn mark_moving(out: &mut ImportedRig) {
     }
 }
 
+/// Leaves out the leaves that only held a mesh: their meshes are in the model now, and a file that goes out gets mesh nodes
+/// of its own. `holds_mesh` by rig node.
+pub(crate) fn drop_mesh_leaves(rig: &mut Rig, holds_mesh: &[bool]) {
+    let mut needed: Vec<bool> = holds_mesh.iter().map(|m| !m).collect();
+    for node in &rig.nodes {
+        if let Some(parent) = node.parent {
+            needed[parent as usize] = true;
+        }
+    }
+    let channels = rig.animations.iter().flat_map(|a| &a.channels).map(|c| c.node);
+    let skeletons = rig.skins.iter().filter_map(|s| s.skeleton);
+    for node in rig.joints.iter().map(|j| j.node).chain(channels).chain(skeletons) {
+        needed[node as usize] = true;
+    }
+    let mut next = 0;
+    let number: Vec<u32> = needed
+        .iter()
+        .map(|&n| {
+            next += u32::from(n);
+            next.wrapping_sub(1)
+        })
+        .collect();
+    let mut keep = needed.iter();
+    rig.nodes.retain(|_| keep.next() == Some(&true));
+    let parents = rig.nodes.iter_mut().filter_map(|n| n.parent.as_mut());
+    let joints = rig.joints.iter_mut().map(|j| &mut j.node);
+    let skeletons = rig.skins.iter_mut().filter_map(|s| s.skeleton.as_mut());
+    let channels = rig.animations.iter_mut().flat_map(|a| &mut a.channels).map(|c| &mut c.node);
+    for node in parents.chain(joints).chain(skeletons).chain(channels) {
+        *node = number[*node as usize];
+    }
+}
+
 pub(crate) fn warn_once(warnings: &mut Vec<String>, text: &str) {
     if !warnings.iter().any(|w| w == text) {
         warnings.push(text.into());
