@@ -1,0 +1,323 @@
+//! Blade poses in, samples out (MATHS 5.1): by distance or time, whichever comes first, and extra where the tip turns
+//! or changes speed. The path between two poses is a straight interpolation, so a stream of poses and a file of the
+//! same poses give the same bits.
+
+use super::blade_path::{BladePose, Sampling};
+use glam::DVec3;
+
+/// Most samples between two poses: beyond it the spacing grows, so that a wild jump costs a bounded time.
+const MOST_SAMPLES_PER_POSE: u32 = 10_000;
+
+/// What a sample says about the blade.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SampleKind {
+    /// The blade has travelled across its own line since the last sample.
+    Move,
+    /// The blade has only slid along its line since the last [`SampleKind::Move`]: its depth changes, nothing else.
+    Axial,
+    /// The path's last pose, less than the least travel after the last sample: it takes that one's place.
+    End,
+}
+
+/// One sample of a blade path.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathSample {
+    /// Where the blade is.
+    pub pose: BladePose,
+    /// What has happened since the last sample.
+    pub kind: SampleKind,
+}
+
+/// Direction across the blade (unit) and speed (m/s) of the tip when a sample was taken.
+#[derive(Clone, Copy, Debug)]
+struct Heading {
+    direction: DVec3,
+    speed: f64,
+}
+
+/// The streaming sampler. Feed it poses as they come; [`PathSampler::finish`] when the blade is let go.
+#[derive(Clone, Debug)]
+pub struct PathSampler {
+    sampling: Sampling,
+    pose: Option<BladePose>,
+    sample: Option<BladePose>,
+    axial_tip: DVec3,
+    heading: Option<Heading>,
+}
+
+/// The way from one pose to the next, seen from the last sample: two points of the blade, across that sample's line.
+struct Leg {
+    from: BladePose,
+    to: BladePose,
+    /// For the tip and a point up the blade: offset across the last sample's line at `u = 0`, and its change to `u = 1`.
+    across: [(DVec3, DVec3); 2],
+    /// Offset of the tip along the line since the last axial sample at `u = 0`, and its change.
+    along: (f64, f64),
+}
+
+impl PathSampler {
+    /// A sampler for one stroke.
+    pub fn new(sampling: Sampling) -> Self {
+        Self { sampling, pose: None, sample: None, axial_tip: DVec3::ZERO, heading: None }
+    }
+
+    /// Takes the next pose and appends the samples between the one before and it. Poses that are not finite, have no
+    /// length, or go back in time are ignored: a tracker may lose its way, a stroke goes on.
+    pub fn push(&mut self, pose: BladePose, out: &mut Vec<PathSample>) {
+        if !pose.is_finite() || !pose.has_length() {
+            return;
+        }
+        let Some(from) = self.pose else {
+            self.pose = Some(pose);
+            self.emit(pose, SampleKind::Move, out);
+            return;
+        };
+        if pose.t < from.t {
+            return;
+        }
+        self.pose = Some(pose);
+        self.corner(&from, &pose, out);
+        self.walk(from, pose, out);
+    }
+
+    /// Ends the stroke: the last pose becomes a sample if it is not one already.
+    pub fn finish(&mut self, out: &mut Vec<PathSample>) {
+        if let (Some(pose), Some(sample)) = (self.pose, self.sample)
+            && (pose.tip != sample.tip || pose.base != sample.base)
+        {
+            let leg = self.leg(&sample, pose, pose);
+            let lateral = leg.lateral(0.0);
+            if lateral >= self.sampling.least_travel {
+                self.emit(pose, SampleKind::Move, out);
+            } else if lateral > 1e-2 * self.sampling.least_travel {
+                self.emit(pose, SampleKind::End, out);
+            } else {
+                self.emit(pose, SampleKind::Axial, out);
+            }
+        }
+        *self = Self::new(self.sampling);
+    }
+
+    fn emit(&mut self, pose: BladePose, kind: SampleKind, out: &mut Vec<PathSample>) {
+        out.push(PathSample { pose, kind });
+        self.axial_tip = pose.tip;
+        if kind != SampleKind::Axial {
+            self.sample = Some(pose);
+        }
+    }
+
+    /// An extra sample at `from`, where the path has turned or changed speed since the last sample.
+    fn corner(&mut self, from: &BladePose, to: &BladePose, out: &mut Vec<PathSample>) {
+        let up = from.up();
+        let step = reject(to.tip - from.tip, up);
+        let length = step.length();
+        if length <= 1e-6 * self.sampling.least_travel {
+            return;
+        }
+        let heading = Heading { direction: step / length, speed: length / (to.t - from.t) };
+        let Some(old) = self.heading else {
+            self.heading = Some(heading);
+            return;
+        };
+        let turned = old.direction.dot(heading.direction) < self.sampling.turn_cosine;
+        let (slow, fast) = (old.speed.min(heading.speed), old.speed.max(heading.speed));
+        if turned || fast > slow * self.sampling.speed_factor {
+            self.heading = Some(heading);
+            let Some(sample) = self.sample else { return };
+            if self.leg(&sample, *from, *from).lateral(0.0) >= self.sampling.least_travel {
+                self.emit(*from, SampleKind::Move, out);
+            }
+        }
+    }
+
+    fn walk(&mut self, from: BladePose, to: BladePose, out: &mut Vec<PathSample>) {
+        let mut u = 0.0;
+        let travel = (to.tip - from.tip).length().max((to.base - from.base).length());
+        let coarse = travel / f64::from(MOST_SAMPLES_PER_POSE);
+        // Rounding far from the origin could keep a sample due for ever: the count ends it.
+        for _ in 0..4 * MOST_SAMPLES_PER_POSE {
+            let Some(sample) = self.sample else { return };
+            let leg = self.leg(&sample, from, to);
+            let (next, kind) = self.next_event(&leg, &sample, u, coarse);
+            if next.is_nan() || next > 1.0 {
+                return;
+            }
+            u = next;
+            self.emit(from.lerp(&to, u), kind, out);
+        }
+    }
+
+    /// The first `u` past `after` at which a sample is due (infinite if none is), and its kind.
+    fn next_event(&self, leg: &Leg, sample: &BladePose, after: f64, coarse: f64) -> (f64, SampleKind) {
+        let s = &self.sampling;
+        let by_distance = leg.reaches(s.distance.max(coarse), after);
+        let least = leg.reaches(s.least_travel.max(coarse), after);
+        let due = sample.t + s.time;
+        let span = leg.to.t - leg.from.t;
+        let by_time = if due <= leg.from.t {
+            after
+        } else if due <= leg.to.t && span > 0.0 {
+            after.max((due - leg.from.t) / span)
+        } else {
+            f64::INFINITY
+        };
+        let moved = by_distance.min(by_time.max(least));
+        let slid = leg.slides(s.axial_step.max(coarse), after);
+        if slid < moved && slid < least { (slid, SampleKind::Axial) } else { (moved, SampleKind::Move) }
+    }
+
+    fn leg(&self, sample: &BladePose, from: BladePose, to: BladePose) -> Leg {
+        let axis = sample.up();
+        // Of a blade much longer than the model only the part that can reach it counts.
+        let reach = |p: &BladePose| p.tip + p.up() * (p.base - p.tip).length().min(self.sampling.diagonal);
+        let across = |seen: DVec3, a: DVec3, b: DVec3| (reject(a - seen, axis), reject(b - a, axis));
+        Leg {
+            from,
+            to,
+            across: [across(sample.tip, from.tip, to.tip), across(reach(sample), reach(&from), reach(&to))],
+            along: ((from.tip - self.axial_tip).dot(axis), (to.tip - from.tip).dot(axis)),
+        }
+    }
+}
+
+impl Leg {
+    /// Travel across the line at `u`, metres: the larger of the two points.
+    fn lateral(&self, u: f64) -> f64 {
+        self.across.iter().map(|(a, b)| (*a + *b * u).length()).fold(0.0, f64::max)
+    }
+
+    /// The first `u` from `after` on at which the travel across the line is `distance` or more; infinite if never.
+    fn reaches(&self, distance: f64, after: f64) -> f64 {
+        let root = |&(a, b): &(DVec3, DVec3)| {
+            let a = a + b * after;
+            let (aa, ab, bb) = (a.length_squared() - distance * distance, a.dot(b), b.length_squared());
+            if aa >= 0.0 {
+                return 0.0;
+            }
+            if bb == 0.0 {
+                return f64::INFINITY;
+            }
+            // aa < 0: one root is positive. Taken in the form that does not cancel.
+            let d = (ab * ab - bb * aa).sqrt();
+            if ab > 0.0 { -aa / (ab + d) } else { (d - ab) / bb }
+        };
+        after + self.across.iter().map(root).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The first `u` from `after` on at which the tip has slid by `step` along the line, either way; infinite if never.
+    fn slides(&self, step: f64, after: f64) -> f64 {
+        let (a, b) = (self.along.0 + self.along.1 * after, self.along.1);
+        if a.abs() >= step {
+            return after;
+        }
+        if b == 0.0 { f64::INFINITY } else { after + (step.copysign(b) - a) / b }
+    }
+}
+
+/// The part of `v` across the unit vector `axis`.
+pub(super) fn reject(v: DVec3, axis: DVec3) -> DVec3 {
+    v - axis * v.dot(axis)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::blade_path::SamplingSettings;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sampling() -> Sampling {
+        SamplingSettings { distance: 0.01, ..Default::default() }.scaled(1.0)
+    }
+
+    fn pose(t: f64, tip: [f64; 3]) -> BladePose {
+        BladePose { t, tip: tip.into(), base: DVec3::from(tip) + DVec3::Y * 0.2 }
+    }
+
+    fn run(poses: &[BladePose]) -> Vec<PathSample> {
+        let (mut sampler, mut out) = (PathSampler::new(sampling()), Vec::new());
+        poses.iter().for_each(|p| sampler.push(*p, &mut out));
+        sampler.finish(&mut out);
+        out
+    }
+
+    fn moves(samples: &[PathSample]) -> usize {
+        samples.iter().filter(|s| s.kind == SampleKind::Move).count()
+    }
+
+    #[test]
+    fn a_fast_blade_is_sampled_by_distance() {
+        let out = run(&[pose(0.0, [0.0; 3]), pose(0.1, [0.1, 0.0, 0.0])]);
+        assert!((11..=12).contains(&out.len()), "{}", out.len());
+        for w in out.windows(2).take(9) {
+            assert!((w[1].pose.tip.x - w[0].pose.tip.x - 0.01).abs() < 1e-12);
+        }
+        assert!((out.last().unwrap().pose.tip.x - 0.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_slow_blade_is_sampled_by_time() {
+        let out = run(&[pose(0.0, [0.0; 3]), pose(1.0, [0.02, 0.0, 0.0])]);
+        assert!((11..=12).contains(&out.len()), "{}", out.len());
+        assert!((out[1].pose.t - 0.1).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_standing_or_trembling_blade_gives_one_sample() {
+        let tremor: Vec<_> = (0..200).map(|i| pose(f64::from(i) * 0.01, [1e-5 * f64::from(i % 3), 0.0, 0.0])).collect();
+        assert_eq!(moves(&run(&tremor)), 1);
+        let rolls: Vec<_> = (0..200).map(|i| pose(f64::from(i) * 0.01, [0.0; 3])).collect();
+        assert_eq!(run(&rolls).len(), 1);
+    }
+
+    #[test]
+    fn motion_along_the_axis_only_slides() {
+        let out = run(&[pose(0.0, [0.0; 3]), pose(1.0, [0.0, -0.1, 0.0])]);
+        assert_eq!(moves(&out), 1);
+        assert!(out.len() > 10 && out[1..].iter().all(|s| s.kind == SampleKind::Axial));
+        assert!((out.last().unwrap().pose.tip.y + 0.1).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_corner_and_a_change_of_speed_are_sampled() {
+        let corner = pose(0.05, [0.0153, 0.0, 0.0]);
+        let at_corner = |poses: &[BladePose]| run(poses).iter().any(|s| s.pose == corner);
+        assert!(at_corner(&[pose(0.0, [0.0; 3]), corner, pose(0.1, [0.0153, 0.0, 0.0153])]), "turn");
+        assert!(at_corner(&[pose(0.0, [0.0; 3]), corner, pose(0.055, [0.0306, 0.0, 0.0])]), "speed");
+        assert!(!at_corner(&[pose(0.0, [0.0; 3]), corner, pose(0.1, [0.0306, 0.0, 0.0])]), "a straight, even path has none");
+    }
+
+    #[test]
+    fn a_tilt_about_the_tip_is_travel() {
+        let tilted = BladePose { t: 0.1, tip: DVec3::ZERO, base: DVec3::new(0.1, 0.17, 0.0) };
+        assert!(moves(&run(&[pose(0.0, [0.0; 3]), tilted])) > 5);
+    }
+
+    #[test]
+    fn wild_input_is_bounded() {
+        let nan = BladePose { t: 0.0, tip: DVec3::NAN, base: DVec3::ZERO };
+        let out = run(&[nan, pose(0.0, [0.0; 3]), nan, pose(0.0, [1e9, 0.0, 0.0]), pose(-1.0, [0.0; 3])]);
+        assert!(out.len() > 1000 && out.len() < 20_000, "{}", out.len());
+        assert!(out.iter().all(|s| s.pose.is_finite()));
+    }
+
+    proptest! {
+        #[test]
+        fn spacing_is_bounded_and_every_pose_is_near_a_sample(
+            points in proptest::collection::vec((0.0f64..0.1, -0.2f64..0.2, -0.2f64..0.2, -0.2f64..0.2, -0.3f64..0.3), 2..12)
+        ) {
+            let mut t = 0.0;
+            let poses: Vec<_> = points.iter().map(|&(dt, x, y, z, lean)| {
+                t += dt;
+                BladePose { t, tip: DVec3::new(x, y, z), base: DVec3::new(x + lean, y + 0.3, z) }
+            }).collect();
+            let out = run(&poses);
+            let all: Vec<_> = out.iter().filter(|s| s.kind != SampleKind::Axial).collect();
+            for w in all.windows(2) {
+                let travel = reject(w[1].pose.tip - w[0].pose.tip, w[0].pose.up()).length();
+                prop_assert!(travel <= sampling().distance * (1.0 + 1e-9), "{travel}");
+                prop_assert!(w[1].pose.t >= w[0].pose.t);
+            }
+            prop_assert!(out.windows(2).all(|w| w[0] != w[1]));
+        }
+    }
+}
