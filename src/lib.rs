@@ -19,9 +19,11 @@
 //! | [`geometry`] | indices, tracked arrays, the triangle mesh, exact predicates |
 //! | [`diagnostics`] | counters and timings; anyone may use it |
 
+pub mod config;
 pub mod diagnostics;
 pub mod formats;
 pub mod geometry;
+pub mod input;
 pub mod particles;
 pub mod physics;
 pub mod rig;

@@ -66,9 +66,7 @@ pub enum PathError {
         source: std::io::Error,
     },
     /// Not the JSON that is expected.
-    #[error(
-        "the blade path is not JSON of the form {{\"poses\":[{{\"t\":0.0,\"tip\":[x,y,z],\"base\":[x,y,z]}}, ...]}}: {0}"
-    )]
+    #[error("the blade path is not JSON of the form {{\"poses\":[{{\"t\":0.0,\"tip\":[x,y,z],\"base\":[x,y,z]}}, ...]}}: {0}")]
     Json(#[from] serde_json::Error),
     /// Fewer than two poses.
     #[error("the blade path has {count} pose(s); a tear needs at least two, at different places")]

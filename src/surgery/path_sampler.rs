@@ -2,7 +2,7 @@
 //! or changes speed. The path between two poses is a straight interpolation, so a stream of poses and a file of the
 //! same poses give the same bits.
 
-use super::blade_path::{BladePose, Sampling};
+use super::blade_path::{BladePose, Sampling, Surface};
 use glam::DVec3;
 
 /// Most samples between two poses: beyond it the spacing grows, so that a wild jump costs a bounded time.
@@ -26,6 +26,33 @@ pub struct PathSample {
     pub pose: BladePose,
     /// What has happened since the last sample.
     pub kind: SampleKind,
+}
+
+/// A sample with the blade clipped to the tissue (MATHS 5.1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClippedSample {
+    /// The whole blade.
+    pub pose: BladePose,
+    /// What has happened since the last sample.
+    pub kind: SampleKind,
+    /// Upper end of the clipped blade, margin included; `None` if the blade does not touch the tissue.
+    pub top: Option<DVec3>,
+    /// How much further up the top should reach, metres, because the surface rises between this sample and a neighbour.
+    pub raise: f64,
+}
+
+impl ClippedSample {
+    /// Casts the blade at `surface` and clips it to [entry point - margin, tip].
+    pub fn clip(sample: &PathSample, surface: &(impl Surface + ?Sized), sampling: &Sampling) -> Self {
+        let BladePose { tip, base, .. } = sample.pose;
+        let length = (base - tip).length();
+        let top = surface.entry(tip, base).filter(|e| e.s.is_finite()).map(|e| {
+            let rise = if e.rise.is_finite() { e.rise.max(0.0) } else { 0.0 };
+            let above = length * e.s.clamp(0.0, 1.0) - sampling.entry_margin - rise;
+            if above <= 0.0 { base } else { base + (tip - base) * (above / length) }
+        });
+        Self { pose: sample.pose, kind: sample.kind, top, raise: 0.0 }
+    }
 }
 
 /// Direction across the blade (unit) and speed (m/s) of the tip when a sample was taken.

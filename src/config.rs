@@ -1,0 +1,300 @@
+//! `config.toml` as plain settings. Read once at the top and handed down; nothing below `app` reads it.
+//!
+//! Every key has a default, and the bundled `config.toml` says what the defaults are. Lengths are fractions of the
+//! model's bounding diagonal unless the key's text says otherwise, so that one file serves every model.
+
+use crate::surgery::{SamplingSettings, SettingError, WallMode};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use thiserror::Error;
+
+/// Why a configuration cannot be used.
+#[derive(Debug, Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("cannot read the configuration {path}: {source}")]
+    Unreadable {
+        /// The file.
+        path: String,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// Not TOML, an unknown key, or a value of the wrong type; the text names the line.
+    #[error("{origin}: {source}")]
+    Parse {
+        /// The file.
+        origin: String,
+        /// What is wrong, with the line.
+        source: Box<toml::de::Error>,
+    },
+    /// A value out of its range.
+    #[error("{origin}: {source}")]
+    Setting {
+        /// The file.
+        origin: String,
+        /// The key, its value and the rule.
+        source: SettingError,
+    },
+}
+
+/// All settings.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// How a blade's path is sampled.
+    pub sampling: SamplingSettings,
+    /// What a tear looks like.
+    pub tear: TearSettings,
+    /// The particle layer.
+    pub particles: ParticleSettings,
+    /// How the layer moves.
+    pub dynamics: DynamicsSettings,
+    /// Sections.
+    pub sections: SectionSettings,
+    /// Pictures.
+    pub render: RenderSettings,
+}
+
+/// What a tear looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TearSettings {
+    /// Width of the slit that the blade removes, fraction of the diagonal; 0 is a pure slit.
+    pub width: f64,
+    /// What lines the slit.
+    pub wall: WallMode,
+    /// How far the wound particles draw the lips apart, fraction of the diagonal.
+    pub gap: f64,
+    /// Seconds until a wound stands open.
+    pub opening_time: f64,
+}
+
+/// The particle layer (MATHS 3.1).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ParticleSettings {
+    /// About how many particles a model gets where no spacing is given.
+    pub count: u32,
+    /// Influence radius d, in spacings: above 1 (MATHS 2.1), from 1.5 on without a warning.
+    pub radius: f64,
+    /// Neighbour distance delta, in spacings.
+    pub neighbours: f64,
+}
+
+/// A material of the soft layer.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DynamicsPreset {
+    /// Natural frequency of a lone anchored particle, Hz.
+    pub frequency: f64,
+    /// Damping ratio: 0 rings for ever, 1 is critical, more is sluggish.
+    pub damping: f64,
+    /// Stiffness of a neighbour spring at the mean distance, in anchor stiffnesses.
+    pub coupling: f64,
+}
+
+/// Names of the presets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum PresetName {
+    /// Follows the hand far and comes back slowly.
+    #[default]
+    Soft,
+    /// Gives little and settles at once.
+    Firm,
+    /// Gives locally and creeps back.
+    Sponge,
+}
+
+/// How the layer moves (MATHS 4).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DynamicsSettings {
+    /// The preset in use.
+    pub preset: PresetName,
+    /// Seconds over which an edit's correction fades, so that nothing pops (MATHS 2.2).
+    pub fade_time: f64,
+    /// The soft preset.
+    pub soft: DynamicsPreset,
+    /// The firm preset.
+    pub firm: DynamicsPreset,
+    /// The sponge preset.
+    pub sponge: DynamicsPreset,
+}
+
+/// Sections (MATHS 5.8).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SectionSettings {
+    /// Faces per section, about.
+    pub faces: u32,
+}
+
+/// Pictures.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RenderSettings {
+    /// Width of a picture, pixels.
+    pub width: u32,
+    /// Height of a picture, pixels.
+    pub height: u32,
+    /// Background colour: linear red, green, blue, 0 to 1.
+    pub background: [f64; 3],
+}
+
+impl Default for TearSettings {
+    fn default() -> Self {
+        Self { width: 0.01, wall: WallMode::Open, gap: 0.03, opening_time: 0.5 }
+    }
+}
+
+impl Default for ParticleSettings {
+    fn default() -> Self {
+        Self { count: 200, radius: 2.0, neighbours: 2.0 }
+    }
+}
+
+impl Default for DynamicsSettings {
+    fn default() -> Self {
+        Self {
+            preset: PresetName::Soft,
+            fade_time: 0.25,
+            soft: DynamicsPreset { frequency: 3.0, damping: 0.5, coupling: 2.0 },
+            firm: DynamicsPreset { frequency: 8.0, damping: 0.8, coupling: 1.0 },
+            sponge: DynamicsPreset { frequency: 2.0, damping: 1.5, coupling: 0.3 },
+        }
+    }
+}
+
+impl Default for SectionSettings {
+    fn default() -> Self {
+        Self { faces: 128 }
+    }
+}
+
+impl Default for RenderSettings {
+    fn default() -> Self {
+        Self { width: 1280, height: 720, background: [0.02, 0.03, 0.04] }
+    }
+}
+
+impl DynamicsSettings {
+    /// The preset in use.
+    pub fn active(&self) -> DynamicsPreset {
+        match self.preset {
+            PresetName::Soft => self.soft,
+            PresetName::Firm => self.firm,
+            PresetName::Sponge => self.sponge,
+        }
+    }
+}
+
+/// Collects the first broken rule.
+struct Rules(Result<(), SettingError>);
+
+impl Rules {
+    fn check(&mut self, key: &str, value: f64, holds: bool, rule: &'static str) {
+        if self.0.is_ok() && !holds {
+            self.0 = Err(SettingError { key: key.to_owned(), value, rule });
+        }
+    }
+
+    fn range(&mut self, key: &str, value: f64, low: f64, high: f64, rule: &'static str) {
+        self.check(key, value, (low..=high).contains(&value), rule);
+    }
+}
+
+impl Config {
+    /// Checks every value; the error names the key.
+    pub fn validate(&self) -> Result<(), SettingError> {
+        self.sampling.validate().map_err(|e| SettingError { key: format!("sampling.{}", e.key), ..e })?;
+        let mut rules = Rules(Ok(()));
+        let Self { tear, particles, dynamics, sections, render, .. } = self;
+        rules.range("tear.width", tear.width, 0.0, 1.0, "from 0 to 1 (of the diagonal)");
+        rules.range("tear.gap", tear.gap, 0.0, 1.0, "from 0 to 1 (of the diagonal)");
+        rules.range("tear.opening_time", tear.opening_time, 0.0, 3600.0, "from 0 to 3600 s");
+        rules.range("particles.count", f64::from(particles.count), 1.0, 1e6, "from 1 to 1000000");
+        let radius = particles.radius;
+        rules.check("particles.radius", radius, radius > 1.0 && radius <= 100.0, "above 1 spacing, at most 100");
+        rules.range("particles.neighbours", particles.neighbours, 0.0, 100.0, "from 0 to 100 spacings");
+        rules.range("dynamics.fade_time", dynamics.fade_time, 0.0, 3600.0, "from 0 to 3600 s");
+        for (name, preset) in [("soft", dynamics.soft), ("firm", dynamics.firm), ("sponge", dynamics.sponge)] {
+            let key = |what: &str| format!("dynamics.{name}.{what}");
+            let f = preset.frequency;
+            rules.check(&key("frequency"), f, f > 0.0 && f <= 1e6, "above 0, at most 1e6 Hz");
+            rules.range(&key("damping"), preset.damping, 0.0, 1e3, "from 0 to 1000");
+            rules.range(&key("coupling"), preset.coupling, 0.0, 1e6, "from 0 to 1e6");
+        }
+        rules.range("sections.faces", f64::from(sections.faces), 1.0, 1e9, "1 or more");
+        rules.range("render.width", f64::from(render.width), 1.0, 16384.0, "from 1 to 16384 pixels");
+        rules.range("render.height", f64::from(render.height), 1.0, 16384.0, "from 1 to 16384 pixels");
+        for value in render.background {
+            rules.range("render.background", value, 0.0, 1.0, "from 0 to 1 each");
+        }
+        rules.0
+    }
+
+    /// Parses a configuration; keys left out have their defaults, unknown ones are errors. `origin` names it in errors.
+    pub fn parse(text: &str, origin: &str) -> Result<Self, ConfigError> {
+        let parse = |e| ConfigError::Parse { origin: origin.to_owned(), source: Box::new(e) };
+        let config: Self = toml::from_str(text).map_err(parse)?;
+        config.validate().map_err(|source| ConfigError::Setting { origin: origin.to_owned(), source })?;
+        Ok(config)
+    }
+
+    /// Reads and parses a configuration file.
+    pub fn load(path: &Path) -> Result<Self, ConfigError> {
+        let origin = path.display().to_string();
+        match std::fs::read_to_string(path) {
+            Ok(text) => Self::parse(&text, &origin),
+            Err(source) => Err(ConfigError::Unreadable { path: origin, source }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BUNDLED: &str = include_str!("../config.toml");
+
+    #[test]
+    fn the_bundled_file_is_the_defaults_key_by_key() {
+        assert_eq!(Config::parse(BUNDLED, "config.toml").unwrap(), Config::default());
+        let bundled: toml::Table = BUNDLED.parse().unwrap();
+        let defaults = toml::Table::try_from(Config::default()).unwrap();
+        assert_eq!(bundled, defaults, "every key is there");
+        let keys = BUNDLED.lines().filter(|l| l.contains('=') && !l.starts_with('#'));
+        assert!(keys.clone().count() > 25);
+        for line in keys {
+            assert!(line.contains('#'), "no comment: {line}");
+        }
+    }
+
+    #[test]
+    fn an_empty_file_is_the_defaults() {
+        assert_eq!(Config::parse("", "x").unwrap(), Config::default());
+    }
+
+    #[test]
+    fn errors_name_the_line_or_the_key() {
+        let error = |text: &str| Config::parse(text, "my.toml").unwrap_err().to_string();
+        let unknown = error("[tear]\nwidth = 0.1\nwidht = 0.2\n");
+        assert!(unknown.contains("my.toml") && unknown.contains("line 3") && unknown.contains("widht"), "{unknown}");
+        assert!(error("[tera]\n").contains("line 1"));
+        assert!(error("[tear]\nwall = \"ajar\"").contains("line 2"));
+        for (text, key) in [
+            ("[tear]\nwidth = nan", "tear.width"),
+            ("[tear]\nwidth = -0.1", "tear.width"),
+            ("[particles]\nradius = 1.0", "particles.radius"),
+            ("[sampling]\ntime = 0.0", "sampling.time"),
+            ("[dynamics.firm]\nfrequency = 0\ndamping = 1\ncoupling = 1", "dynamics.firm.frequency"),
+            ("[render]\nwidth = 0", "render.width"),
+            ("[render]\nbackground = [0, 2, 0]", "render.background"),
+        ] {
+            assert!(error(text).contains(key), "{text}: {}", error(text));
+        }
+        assert!(matches!(Config::load(Path::new("no/such/file")), Err(ConfigError::Unreadable { .. })));
+        assert!(Config::parse("[tear]\nwidth = 0.1", "x").is_ok(), "the checks let good values through");
+    }
+}

@@ -1,0 +1,109 @@
+//! A stroke: poses in, tear segments out. The sampler, the clip of the blade and the chain builder in one.
+
+use super::blade_path::{BladePose, Sampling, Surface};
+use super::boxes::TearSegment;
+use super::chain::ChainBuilder;
+use super::path_sampler::{ClippedSample, PathSample, PathSampler, SampleKind};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+/// What lines a tear.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum WallMode {
+    /// Nothing: the surface is clipped (the paper).
+    #[default]
+    Open,
+    /// Walls and a floor, so that a closed model stays closed (MATHS 5.7).
+    Closed,
+}
+
+/// One stroke of the blade, from the moment it is taken up to its release.
+#[derive(Clone, Debug)]
+pub struct Stroke {
+    sampling: Sampling,
+    sampler: PathSampler,
+    builder: ChainBuilder,
+    previous: Option<ClippedSample>,
+    samples: Vec<PathSample>,
+}
+
+impl Stroke {
+    /// A stroke of `width` metres (0: a slit).
+    pub fn new(width: f64, sampling: Sampling) -> Self {
+        Self {
+            sampling,
+            sampler: PathSampler::new(sampling),
+            builder: ChainBuilder::new(width, &sampling),
+            previous: None,
+            samples: Vec::new(),
+        }
+    }
+
+    /// Takes the next pose; `surface` is the tissue as it is now. Appends the segments that are complete.
+    pub fn push(&mut self, pose: BladePose, surface: &(impl Surface + ?Sized), out: &mut Vec<TearSegment>) {
+        self.samples.clear();
+        self.sampler.push(pose, &mut self.samples);
+        self.feed(surface, out);
+    }
+
+    /// Ends the stroke at the last pose and appends the rest.
+    pub fn release(&mut self, surface: &(impl Surface + ?Sized), out: &mut Vec<TearSegment>) {
+        self.samples.clear();
+        self.sampler.finish(&mut self.samples);
+        self.feed(surface, out);
+        self.builder.release(out);
+        self.previous = None;
+    }
+
+    /// The chain builder: pending quads to re-pose, counts.
+    pub fn builder(&mut self) -> &mut ChainBuilder {
+        &mut self.builder
+    }
+
+    fn feed(&mut self, surface: &(impl Surface + ?Sized), out: &mut Vec<TearSegment>) {
+        for sample in &self.samples {
+            let mut clipped = ClippedSample::clip(sample, surface, &self.sampling);
+            if let Some(previous) = &self.previous {
+                clipped.raise = rise_between(previous, &clipped, surface, &self.sampling);
+                self.builder.raise_last(clipped.raise);
+            }
+            self.builder.push(&clipped, out);
+            if sample.kind != SampleKind::Axial || clipped.top.is_none() {
+                self.previous = Some(clipped);
+            }
+        }
+    }
+}
+
+/// How much higher than the line between two tops the surface comes on the way, margin included (MATHS 5.1).
+fn rise_between(a: &ClippedSample, b: &ClippedSample, surface: &(impl Surface + ?Sized), sampling: &Sampling) -> f64 {
+    let (Some(top_a), Some(top_b), SampleKind::Move) = (a.top, b.top, b.kind) else { return 0.0 };
+    let mut rise = 0.0f64;
+    for k in 1..=sampling.probes {
+        let u = f64::from(k) / f64::from(sampling.probes + 1);
+        let blade = a.pose.lerp(&b.pose, u);
+        if let Some(entry) = surface.entry(blade.tip, blade.base) {
+            let point: DVec3 = blade.base + (blade.tip - blade.base) * entry.s;
+            let above = (point - (top_a + (top_b - top_a) * u)).dot(blade.up());
+            if above > -0.5 * sampling.entry_margin {
+                rise = rise.max(above + sampling.entry_margin);
+            }
+        }
+    }
+    rise
+}
+
+/// All segments of a whole path: what a live stroke gives for the same poses over the same surface, bit for bit.
+pub fn tear_segments(poses: &[BladePose], width: f64, sampling: Sampling, surface: &(impl Surface + ?Sized)) -> Vec<TearSegment> {
+    let (mut stroke, mut out) = (Stroke::new(width, sampling), Vec::new());
+    for pose in poses {
+        stroke.push(*pose, surface, &mut out);
+    }
+    stroke.release(surface, &mut out);
+    out
+}
+
+#[cfg(test)]
+#[path = "stroke_tests.rs"]
+mod tests;

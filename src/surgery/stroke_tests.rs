@@ -1,0 +1,371 @@
+//! The laws of MATHS 5.1 to 5.5 over whole strokes.
+
+use super::super::blade_path::{EntryPoint, SamplingSettings};
+use super::super::boxes::{Side, TearBox, plane_side};
+use super::*;
+use proptest::prelude::*;
+
+const CASES: u32 = 96;
+const DISTANCE: f64 = 0.01;
+
+fn sampling() -> Sampling {
+    SamplingSettings { distance: DISTANCE, ..Default::default() }.scaled(1.0)
+}
+
+/// Tissue fills y <= 0.
+fn half_space(tip: DVec3, base: DVec3) -> Option<EntryPoint> {
+    let s = if base.y <= 0.0 { 0.0 } else { base.y / (base.y - tip.y) };
+    (tip.y < 0.0).then_some(EntryPoint { s, rise: 0.0 })
+}
+
+/// A slab 0 <= x <= 0.1 of the half-space.
+fn slab(tip: DVec3, base: DVec3) -> Option<EntryPoint> {
+    half_space(tip, base).filter(|_| (0.0..=0.1).contains(&tip.x))
+}
+
+fn upright(t: f64, x: f64, y: f64, z: f64) -> BladePose {
+    BladePose { t, tip: DVec3::new(x, y, z), base: DVec3::new(x, y + 0.3, z) }
+}
+
+fn boxes(poses: &[BladePose], width: f64) -> Vec<TearBox> {
+    boxes_in(poses, width, &half_space)
+}
+
+fn boxes_in(poses: &[BladePose], width: f64, surface: &impl Surface) -> Vec<TearBox> {
+    tear_segments(poses, width, sampling(), surface).into_iter().filter_map(|s| s.as_box().cloned()).collect()
+}
+
+fn chains(boxes: &[TearBox]) -> usize {
+    boxes.iter().map(|b| b.chain as usize + 1).max().unwrap_or(0)
+}
+
+/// Why `b` is not a closed, outward, convex box with planes that are its triangles; `None` if it is.
+fn broken_box(b: &TearBox) -> Option<&'static str> {
+    let corners = b.corners();
+    let mut directed: Vec<(u8, u8)> = b.hull_triangles().iter().flat_map(|t| (0..3).map(|k| (t[k], t[(k + 1) % 3]))).collect();
+    directed.sort_unstable();
+    if directed.windows(2).any(|w| w[0] == w[1]) || directed.iter().any(|&(x, y)| directed.binary_search(&(y, x)).is_err()) {
+        return Some("not a closed surface");
+    }
+    if b.volume() <= 0.0 {
+        return Some("inside out");
+    }
+    if b.planes.iter().any(|plane| corners.iter().any(|c| plane.sign(*c) > 0.0)) {
+        return Some("a corner is outside a plane");
+    }
+    for (plane, triangle) in b.planes[2..].iter().zip(&b.triangles) {
+        if plane.points != triangle.map(|k| corners[k as usize]) {
+            return Some("a plane is not its triangle");
+        }
+    }
+    for quad in 0..2u8 {
+        for k in 0..4u8 {
+            let triangle = b.triangles[TearBox::plane_of_edge(quad as usize, k as usize) - 2];
+            if !(triangle.contains(&(4 * quad + k)) && triangle.contains(&(4 * quad + (k + 1) % 4))) {
+                return Some("an edge is not in its plane");
+            }
+        }
+    }
+    let sides = [b.planes[0].side, b.planes[1].side];
+    (sides != [Side::Start, Side::End]).then_some("sides out of order")
+}
+
+/// Why boxes do not form chains; `None` if they do.
+fn broken_chains(boxes: &[TearBox]) -> Option<String> {
+    for (i, b) in boxes.iter().enumerate() {
+        if let Some(why) = broken_box(b) {
+            return Some(format!("box {i}: {why}"));
+        }
+        if !b.blades.iter().flatten().all(|p| b.contains(*p)) {
+            return Some(format!("box {i}: its blade sticks out"));
+        }
+        for other in &boxes[..i] {
+            let consecutive = other.chain == b.chain && other.index + 1 == b.index;
+            let shared = other.planes[1].points == b.planes[0].points
+                && other.planes[1].id == b.planes[0].id
+                && other.joints[1] == b.joints[0]
+                && other.quads[1] == b.quads[0]
+                && other.planes[1].flipped != b.planes[0].flipped;
+            if consecutive && !shared {
+                return Some(format!("box {i}: the joint is not shared"));
+            }
+            if other.chain == b.chain && !other.is_apart_from(b) {
+                return Some(format!("box {i} overlaps box {} of its chain", other.index));
+            }
+        }
+    }
+    None
+}
+
+#[test]
+fn a_straight_stroke_is_one_chain_of_flat_boxes() {
+    let b = boxes(&[upright(0.0, 0.0, -0.1, 0.0), upright(0.1, 0.1, -0.1, 0.0)], 0.004);
+    assert_eq!((chains(&b), broken_chains(&b)), (1, None));
+    assert!(b.len() >= 9 && b.iter().all(|b| b.bulge.iter().all(|h| *h < 1e-12)));
+    let volume: f64 = b.iter().map(TearBox::volume).sum();
+    // Depth 0.1, margin above it 0.5 sample distances, or 0.5 + 0.5 where the probe asks for more.
+    let depth = volume / (0.1 * 0.004);
+    assert!((0.1..0.1 + 1.01 * DISTANCE).contains(&depth), "{depth}");
+    assert!(b[0].strip_corners()[0].abs_diff_eq(DVec3::new(0.0, -0.1, 0.0), 1e-11));
+}
+
+#[test]
+fn a_mitred_turn_keeps_one_chain_and_a_sharp_one_breaks_it() {
+    let turn = |degrees: f64| {
+        let (s, c) = degrees.to_radians().sin_cos();
+        let poses = [upright(0.0, -0.1, -0.1, 0.0), upright(0.1, 0.0, -0.1, 0.0), upright(0.2, 0.1 * c, -0.1, 0.1 * s)];
+        boxes(&poses, 0.002)
+    };
+    for degrees in [0.0, 30.0, 60.0, 90.0, 115.0] {
+        let b = turn(degrees);
+        assert_eq!((chains(&b), broken_chains(&b)), (1, None), "{degrees}");
+        let widest = b.iter().map(|b| (b.quads[1][1] - b.quads[1][0]).length()).fold(0.0, f64::max);
+        assert!((widest - 0.002 / (degrees.to_radians() / 2.0).cos()).abs() < 1e-9, "{degrees}: {widest}");
+    }
+    for degrees in [125.0, 150.0, 180.0] {
+        let b = turn(degrees);
+        assert_eq!((chains(&b), broken_chains(&b)), (2, None), "{degrees}");
+    }
+}
+
+#[test]
+fn standing_and_sliding_blades_cut_nothing_sideways() {
+    let stand: Vec<_> = (0..90).map(|i| upright(f64::from(i) / 90.0, 0.0, -0.1, 0.0)).collect();
+    assert!(boxes(&stand, 0.004).is_empty());
+    let stab = [upright(0.0, 0.0, 0.1, 0.0), upright(1.0, 0.0, -0.1, 0.0), upright(2.0, 0.0, 0.1, 0.0)];
+    assert!(boxes(&stab, 0.004).is_empty());
+}
+
+#[test]
+fn a_plunge_starts_at_its_full_depth_and_a_withdrawal_ends_the_chain() {
+    let poses = [
+        upright(0.0, 0.0, 0.05, 0.0),
+        upright(1.0, 0.0, -0.1, 0.0),
+        upright(2.0, 0.05, -0.1, 0.0),
+        upright(3.0, 0.05, 0.05, 0.0),
+        upright(4.0, 0.1, 0.05, 0.0),
+    ];
+    let b = boxes(&poses, 0.004);
+    assert_eq!((chains(&b), broken_chains(&b)), (1, None));
+    let (first, last) = (b.first().unwrap(), b.last().unwrap());
+    assert!((first.blades[0][0] - DVec3::new(0.0, -0.1, 0.0)).length() < 0.26 * DISTANCE, "{}", first.blades[0][0]);
+    assert!((last.blades[1][0].x - 0.05).abs() < 1e-3, "nothing is cut where the blade hovers: {}", last.blades[1][0]);
+}
+
+#[test]
+fn leaving_and_coming_back_makes_two_chains_that_cover_the_rims() {
+    let poses = [
+        upright(0.0, -0.0333, -0.1, 0.0),
+        upright(1.0, 0.1333, -0.1, 0.0),
+        upright(1.1, 0.1333, -0.1, 0.05),
+        upright(2.0, -0.0333, -0.1, 0.05),
+    ];
+    let b = boxes_in(&poses, 0.004, &slab);
+    assert_eq!((chains(&b), broken_chains(&b)), (2, None));
+    for chain in 0..2 {
+        let xs = || b.iter().filter(|b| b.chain == chain).flat_map(|b| b.blades).map(|blade| blade[0].x);
+        let (low, high) = (xs().fold(f64::MAX, f64::min), xs().fold(f64::MIN, f64::max));
+        assert!(low < 0.0 && low > -2.0 * DISTANCE && high > 0.1 && high < 0.1 + 2.0 * DISTANCE, "{low} {high}");
+    }
+}
+
+#[test]
+fn a_pivot_makes_two_chains_that_meet_near_it() {
+    let at = |angle: f64| {
+        let (s, c) = angle.sin_cos();
+        BladePose { t: angle, tip: DVec3::new(-0.1 * s, -0.1 - 0.1 * c, 0.0), base: DVec3::new(0.1 * s, -0.1 + 0.1 * c, 0.0) }
+    };
+    let poses: Vec<_> = (0..=10).map(|i| at(f64::from(i) * 0.03)).collect();
+    let b = boxes(&poses, 0.002);
+    assert_eq!(broken_chains(&b), None);
+    assert_eq!(chains(&b), b.len(), "each part is a chain of its own");
+    let (below, above): (Vec<_>, Vec<_>) = b.iter().partition(|b| b.blades[0][1].y < -0.08);
+    assert_eq!(below.len(), above.len());
+    assert!(below.len() >= 3);
+    let gap = above.iter().map(|b| b.blades[1][0].y).fold(f64::MIN, f64::max)
+        - below.iter().map(|b| b.blades[1][1].y).fold(f64::MAX, f64::min);
+    assert!(gap < 0.02 * 0.2, "the bridge at the pivot is small: {gap}");
+    // Lever: the tip stands, the base swings.
+    let lever = [
+        BladePose { t: 0.0, tip: DVec3::new(0.0, -0.2, 0.0), base: DVec3::new(0.0, 0.1, 0.0) },
+        BladePose { t: 0.2, tip: DVec3::new(0.0, -0.2, 0.0), base: DVec3::new(0.1, 0.08, 0.0) },
+    ];
+    let b = boxes(&lever, 0.002);
+    assert_eq!(broken_chains(&b), None);
+    assert!(b.len() > 5);
+}
+
+#[test]
+fn a_path_that_crosses_itself_is_cut_into_chains() {
+    let loop_path: Vec<_> = (0..=60)
+        .map(|i| {
+            let a = f64::from(i) * 0.12;
+            upright(a, 0.05 * a.sin(), -0.1, 0.05 * a.cos())
+        })
+        .collect();
+    let b = boxes(&loop_path, 0.004);
+    assert_eq!(broken_chains(&b), None);
+    assert!(chains(&b) > 1);
+    let merged: Vec<_> = b.iter().map(|b| TearBox { chain: 0, ..b.clone() }).collect();
+    assert!(broken_chains(&merged).is_some(), "the check sees the crossing");
+}
+
+#[test]
+fn width_zero_gives_slits_that_share_their_blades() {
+    let s = tear_segments(&[upright(0.0, 0.0, -0.1, 0.0), upright(0.1, 0.1, -0.1, 0.02)], 0.0, sampling(), &half_space);
+    assert!(s.len() >= 9 && s.iter().all(|s| matches!(s, TearSegment::Slit(_))));
+    for w in s.windows(2) {
+        let (a, b) = (w[0].strip_corners(), w[1].strip_corners());
+        assert_eq!((a[1], a[2]), (b[0], b[3]));
+        let (TearSegment::Slit(x), TearSegment::Slit(y)) = (&w[0], &w[1]) else { unreachable!() };
+        assert_eq!((x.joints[1], x.ends[1].points, x.ends[1].id), (y.joints[0], y.ends[0].points, y.ends[0].id));
+        assert!(x.ends[1].sign(a[1]) == 0.0 && x.ends[1].sign(a[2]) == 0.0 && x.ends[1].sign(a[0]) < 0.0);
+    }
+}
+
+#[test]
+fn the_margin_covers_a_ridge_between_samples() {
+    // A ridge 0.03 high and one sample wide, in the middle between two samples.
+    let ridge = |tip: DVec3, base: DVec3| {
+        let height = 0.03 * (1.0 - ((tip.x - 0.055).abs() / (0.4 * DISTANCE)).min(1.0));
+        (tip.y < height).then_some(EntryPoint { s: (base.y - height) / (base.y - tip.y), rise: 0.0 })
+    };
+    let poses = [upright(0.0, 0.0, -0.1, 0.0), upright(0.1, 0.11, -0.1, 0.0)];
+    let top_at_ridge = |probes: u32| {
+        let sampling = Sampling { probes, ..sampling() };
+        let all = tear_segments(&poses, 0.002, sampling, &ridge);
+        let crest = DVec3::new(0.055, 0.0299, 0.0);
+        all.iter().filter_map(|s| s.as_box()).any(|b| b.contains(crest))
+    };
+    assert!(top_at_ridge(1));
+    assert!(!top_at_ridge(0), "without a probe the bridge of skin is left");
+}
+
+#[test]
+fn reposed_quads_become_flat_and_boxes_stay_valid() {
+    let poses: Vec<_> = (0..=20).map(|i| upright(f64::from(i) * 0.01, 0.01 * f64::from(i), -0.1, 0.0)).collect();
+    let (mut stroke, mut out) = (Stroke::new(0.004, sampling()), Vec::new());
+    for pose in &poses {
+        for (serial, quad) in stroke.builder().pending_quads_mut() {
+            for (k, corner) in quad.iter_mut().enumerate() {
+                *corner += DVec3::new(0.0003, 0.0007 * (k as f64 - 1.5), 0.0001 * f64::from(serial % 3));
+            }
+        }
+        stroke.push(*pose, &half_space, &mut out);
+    }
+    stroke.release(&half_space, &mut out);
+    let b: Vec<_> = out.iter().filter_map(|s| s.as_box().cloned()).collect();
+    assert!(b.len() > 10);
+    assert!(b.iter().all(|b| broken_box(b).is_none()));
+    let q = &b[5].quads[0];
+    assert_eq!(plane_side(&[q[0], q[1], q[2]], q[3]), 0.0);
+    assert!(b.windows(2).any(|w| w[0].quads[1] != w[1].quads[0]), "the joint moved with the tissue");
+    assert!(b.windows(2).all(|w| w[0].chain != w[1].chain || w[0].joints[1] == w[1].joints[0]));
+}
+
+#[test]
+fn checks_see_broken_boxes() {
+    let good = boxes(&[upright(0.0, 0.0, -0.1, 0.0), upright(0.1, 0.1, -0.1, 0.0)], 0.004);
+    let mut b = good[1].clone();
+    b.triangles.swap(0, 2);
+    assert!(broken_box(&b).is_some());
+    let mut b = good[1].clone();
+    b.triangles[3].swap(0, 1);
+    assert_eq!(broken_box(&b), Some("not a closed surface"));
+    let mut b = good[1].clone();
+    b.quads[1][2] += DVec3::Z * 1e-12;
+    assert!(broken_box(&b).is_some());
+    let mut moved = good.clone();
+    moved[2].quads[0][0].x = moved[2].quads[0][0].x.next_up();
+    assert!(broken_chains(&moved).is_some());
+}
+
+#[test]
+fn wild_widths_and_lengths_do_no_harm() {
+    let poses: Vec<_> = (0..40)
+        .map(|i| {
+            let a = f64::from(i) * 0.3;
+            BladePose { t: a * 0.05, tip: DVec3::new(0.1 * a.sin(), -0.2, 0.07 * a), base: DVec3::new(0.0, 1e5, 0.01 * a) }
+        })
+        .collect();
+    for width in [0.0, 1e-15, 1e-9, 1e-4, 0.1, 1.0, 1e3, f64::MAX, f64::NAN, -1.0] {
+        assert_eq!(broken_chains(&boxes(&poses, width)), None, "{width}");
+    }
+    for diagonal in [0.0, 1e-300, 1e300, f64::NAN] {
+        let s = Sampling { distance: DISTANCE, ..SamplingSettings::default().scaled(diagonal) };
+        tear_segments(&poses, 0.01, s, &half_space);
+    }
+}
+
+fn walk() -> impl Strategy<Value = Vec<BladePose>> {
+    let step = (-1.0f64..1.0, -0.1f64..0.1, -0.04f64..0.04, -0.05f64..0.05, -0.05f64..0.05);
+    (proptest::collection::vec(step, 3..40), any::<bool>()).prop_map(|(steps, wild)| {
+        let (mut heading, mut tip, mut t) = (0.0f64, DVec3::new(0.0, -0.05, 0.0), 0.0);
+        steps
+            .iter()
+            .map(|&(turn, depth, length, lean_x, lean_z)| {
+                heading += if wild { turn * 3.5 } else { turn * 0.5 };
+                tip += DVec3::new(heading.cos(), 0.0, heading.sin()) * length.abs();
+                t += 0.011;
+                let tip = DVec3::new(tip.x, -0.05 + if wild { depth } else { 0.3 * depth }, tip.z);
+                let lean = if wild { 3.0 } else { 0.3 };
+                BladePose { t, tip, base: tip + DVec3::new(lean * lean_x, 0.25, lean * lean_z) }
+            })
+            .collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(CASES) })]
+
+    #[test]
+    fn every_stroke_gives_valid_chains(poses in walk(), log_width in -4.0f64..-0.5) {
+        prop_assert_eq!(broken_chains(&boxes(&poses, 10f64.powf(log_width))), None);
+    }
+
+    #[test]
+    fn live_and_offline_give_the_same_bits(poses in walk()) {
+        let offline = tear_segments(&poses, 0.003, sampling(), &half_space);
+        // The stages run apart: all samples first, then the boxes one sample at a time.
+        let (mut sampler, mut samples) = (PathSampler::new(sampling()), Vec::new());
+        poses.iter().for_each(|p| sampler.push(*p, &mut samples));
+        sampler.finish(&mut samples);
+        let (mut stroke, mut live) = (Stroke::new(0.003, sampling()), Vec::new());
+        for sample in samples {
+            stroke.samples = vec![sample];
+            stroke.feed(&half_space, &mut live);
+        }
+        stroke.builder.release(&mut live);
+        prop_assert_eq!(&live, &offline);
+        let mut nudged = poses.clone();
+        nudged.iter_mut().for_each(|p| p.tip.z += 1e-9);
+        prop_assert!(offline.is_empty() || tear_segments(&nudged, 0.003, sampling(), &half_space) != offline);
+    }
+
+    #[test]
+    fn gentle_strokes_cover_every_sample(
+        bend in -3.0f64..3.0, lean in -0.05f64..0.05, depth in 0.02f64..0.2, width in 1e-4f64..0.01
+    ) {
+        let poses: Vec<_> = (0..=40).map(|i| {
+            let x = f64::from(i) * 0.005;
+            let tip = DVec3::new(x, -depth, bend * x * x);
+            BladePose { t: f64::from(i) / 90.0, tip, base: tip + DVec3::new(lean, 0.3, 2.0 * lean * x) }
+        }).collect();
+        let b = boxes(&poses, width);
+        prop_assert_eq!(broken_chains(&b), None);
+        prop_assert_eq!(chains(&b), 1);
+        let (mut sampler, mut samples) = (PathSampler::new(sampling()), Vec::new());
+        poses.iter().for_each(|p| sampler.push(*p, &mut samples));
+        sampler.finish(&mut samples);
+        let inside = |p: DVec3| b.iter().any(|b| b.planes.iter().all(|h| h.normal().dot(p - h.points[0]) < 1e-11));
+        for (i, sample) in samples.iter().enumerate() {
+            let replaced = samples.get(i + 1).is_some_and(|next| next.kind == SampleKind::End);
+            if replaced || sample.kind == SampleKind::Axial {
+                continue; // its place was taken by the path's last pose; or it is no place of its own
+            }
+            let clipped = ClippedSample::clip(sample, &half_space, &sampling());
+            prop_assert!(inside(sample.pose.tip) && inside(clipped.top.unwrap()), "{sample:?}");
+        }
+        prop_assert!(!inside(poses[20].tip - DVec3::Y * 1e-3), "below the tip nothing is cut");
+    }
+}
