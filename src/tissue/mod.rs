@@ -302,6 +302,11 @@ impl Tissue {
         self.rest[v.index()] + inverse * (p - self.position(v))
     }
 
+    /// Carries a rest-space point to the pose with the frame of vertex `v`: the way back of [`Tissue::to_rest`].
+    fn to_posed(&self, v: VertexId, rest: DVec3) -> DVec3 {
+        self.position(v) + self.pose.blended_linear(&self.rows, v) * (rest - self.rest[v.index()])
+    }
+
     /// Brings the section bounds to the current pose.
     fn refresh_sections(&mut self) {
         let version = self.versions.pose;

@@ -59,13 +59,8 @@ impl SectionBounds {
     }
 
     /// Number of sections.
-    pub fn len(&self) -> usize {
+    fn len(&self) -> usize {
         self.start.len().saturating_sub(1)
-    }
-
-    /// True if there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
     }
 
     /// What [`SectionBounds::posed`] last computed.

@@ -29,6 +29,14 @@ pub struct SegmentReport {
     pub wound_particles: usize,
 }
 
+/// A pending quad tied to the tissue by the frame of a vertex near it (MATHS 5.5).
+struct Tie {
+    serial: u32,
+    vertex: VertexId,
+    rest: [DVec3; 4],
+    posed: [DVec3; 4],
+}
+
 /// A stroke in progress through one tissue.
 pub struct TearStroke {
     stroke: Stroke,
@@ -42,6 +50,9 @@ pub struct TearStroke {
     step: TearStep,
     boxes: Vec<TearBox>,
     reports: Vec<SegmentReport>,
+    ties: Vec<Tie>,
+    /// The tissue has moved since the pending quads were tied.
+    moved: bool,
 }
 
 impl TearStroke {
@@ -58,6 +69,8 @@ impl TearStroke {
             step: TearStep::default(),
             boxes: Vec::new(),
             reports: Vec::new(),
+            ties: Vec::new(),
+            moved: false,
         }
     }
 
@@ -65,19 +78,49 @@ impl TearStroke {
     /// end has come (MATHS 5.4).
     pub fn push(&mut self, tissue: &mut Tissue, pose: BladePose) {
         tissue.refresh_sections();
+        self.follow_tissue(tissue);
         let surface = |tip, base| entry(tissue, tip, base);
         self.stroke.push(pose, &surface, &mut self.segments);
         self.tear_segments(tissue);
+        self.tie_quads(tissue);
     }
 
     /// Ends the stroke where the blade is.
     pub fn release(&mut self, tissue: &mut Tissue) {
         tissue.refresh_sections();
+        self.follow_tissue(tissue);
         let surface = |tip, base| entry(tissue, tip, base);
         self.stroke.release(&surface, &mut self.segments);
         self.tear_segments(tissue);
         self.tags.clear();
         self.last = None;
+    }
+
+    /// Moves the pending quads with the tissue (MATHS 5.5). Those it has not moved keep their bits.
+    fn follow_tissue(&mut self, tissue: &Tissue) {
+        self.moved = false;
+        for (serial, quad) in self.stroke.builder().pending_quads_mut() {
+            let Some(tie) = self.ties.iter().find(|t| t.serial == serial) else { continue };
+            for k in 0..4 {
+                let now = tissue.to_posed(tie.vertex, tie.rest[k]);
+                if now != tie.posed[k] {
+                    quad[k] += now - tie.posed[k];
+                    self.moved = true;
+                }
+            }
+        }
+    }
+
+    /// Ties the pending quads to the nearest live vertices.
+    fn tie_quads(&mut self, tissue: &Tissue) {
+        self.ties.clear();
+        for (serial, quad) in self.stroke.builder().pending_quads_mut() {
+            let top = (quad[2] + quad[3]) / 2.0;
+            if let Some(vertex) = nearest_vertex(tissue, &self.candidates, top).or_else(|| tissue.any_vertex_near(top)) {
+                let rest = quad.map(|p| tissue.to_rest(vertex, p));
+                self.ties.push(Tie { serial, vertex, rest, posed: rest.map(|p| tissue.to_posed(vertex, p)) });
+            }
+        }
     }
 
     /// Boxes committed so far, in order.
@@ -105,13 +148,17 @@ impl TearStroke {
 
     fn tear_box(&mut self, tissue: &mut Tissue, tear_box: &TearBox) {
         let mut report = SegmentReport::default();
-        let planes = BoxPlanes::new(tear_box, FLAT_SIDE * tissue.diagonal());
+        let mut planes = BoxPlanes::new(tear_box, FLAT_SIDE * tissue.diagonal());
         if self.last.is_none_or(|(chain, index, _)| (chain, index + 1) != (tear_box.chain, tear_box.index)) {
             self.tags.clear();
         }
+        if self.moved && !self.tags.is_empty() {
+            planes.reach_back(tear_box);
+        }
         let tags = planes.start_tags(&self.tags);
         let [low, high] = tear_box.bounds();
-        let margin = DVec3::splat(1e-9 * tissue.diagonal());
+        let reach = if planes.start == 0 { (high - low).max_element() } else { 1e-9 * tissue.diagonal() };
+        let margin = DVec3::splat(reach);
         let hit = report.stages.time("perform_tear", || {
             tissue.faces_near(low - margin, high + margin, &mut self.candidates);
             let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
@@ -144,7 +191,8 @@ impl TearStroke {
             layer.strips.push(corners, layer.settings.radius, self.slit).ok()
         });
         let lips: Vec<LipVertex> = strip.map_or_else(Vec::new, |strip| {
-            self.step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: l.side }).collect()
+            // a strip's normal, travel x up, points to the box's minus side
+            self.step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }).collect()
         });
         let removed: Vec<VertexId> = step.touched.iter().copied().filter(|&v| !tissue.mesh.vertex_is_live(v)).collect();
         let update: MapUpdateReport = report.stages.time("update_particles", || {
@@ -159,16 +207,18 @@ impl TearStroke {
     /// The blade `[tip, top]` at one end of a box, carried to rest space by the nearest surface vertex.
     fn rest_edge(&self, tissue: &Tissue, tear_box: &TearBox, end: usize) -> [DVec3; 2] {
         let [tip, top] = tear_box.blades[end];
-        let nearest = |p: DVec3| -> Option<VertexId> {
-            let near = |v: &VertexId| tissue.position(*v).distance_squared(p);
-            let vertices = self.candidates.iter().filter(|f| tissue.mesh.is_live(**f)).flat_map(|&f| tissue.mesh.face(f));
-            vertices.min_by(|a, b| near(a).total_cmp(&near(b)).then(a.cmp(b)))
-        };
-        match nearest(top) {
+        match nearest_vertex(tissue, &self.candidates, top) {
             Some(v) => [tip, top].map(|p| tissue.to_rest(v, p)),
             None => [tip, top],
         }
     }
+}
+
+/// The vertex of `faces` that is seen nearest to `p`; dead faces are passed over.
+fn nearest_vertex(tissue: &Tissue, faces: &[FaceId], p: DVec3) -> Option<VertexId> {
+    let near = |v: &VertexId| tissue.position(*v).distance_squared(p);
+    let vertices = faces.iter().filter(|f| tissue.mesh.is_live(**f)).flat_map(|&f| tissue.mesh.face(f));
+    vertices.min_by(|a, b| near(a).total_cmp(&near(b)).then(a.cmp(b)))
 }
 
 fn entry(tissue: &Tissue, tip: DVec3, base: DVec3) -> Option<EntryPoint> {
@@ -181,6 +231,8 @@ struct BoxPlanes {
     sides: Vec<Side>,
     /// Bits of the planes that hold edge `k` of the start quad, and of the end quad.
     edge_planes: [[u16; 4]; 2],
+    /// Plane bits that every vertex on the start joint has.
+    start: u16,
 }
 
 /// Bits of quad edges in tags that wait for the next box.
@@ -188,7 +240,7 @@ type EdgeBits = u16;
 
 impl BoxPlanes {
     fn new(tear_box: &TearBox, flat: f64) -> Self {
-        let mut all = Self { planes: Vec::with_capacity(MAX_PLANES), sides: Vec::new(), edge_planes: [[0; 4]; 2] };
+        let mut all = Self { planes: Vec::with_capacity(MAX_PLANES), sides: Vec::new(), edge_planes: [[0; 4]; 2], start: 1 };
         let push = |all: &mut Self, k: usize| {
             let space = &tear_box.planes[k];
             let plane = Plane::Points(space.points);
@@ -207,9 +259,20 @@ impl BoxPlanes {
         all
     }
 
+    /// Draws the start plane back by half the box. Where the tissue moves, the end of the slit does not stay in a plane, and
+    /// skin behind the joint would be left as a strand across the slit; between the lips there is nothing else to reach.
+    fn reach_back(&mut self, tear_box: &TearBox) {
+        let [[tip, top], [next_tip, next_top]] = tear_box.blades;
+        let by = ((tip + top) - (next_tip + next_top)) / 4.0;
+        if let Plane::Points(points) = &mut self.planes[0] {
+            *points = points.map(|p| p + by);
+        }
+        self.start = 0;
+    }
+
     /// Tags for this box from the quad edges that vertices of the box before ended on.
     fn start_tags(&self, ended: &[OnPlanes]) -> Vec<OnPlanes> {
-        let planes = |edges: EdgeBits| (0..4).filter(|k| edges >> k & 1 == 1).fold(1, |m, k| m | self.edge_planes[0][k]);
+        let planes = |edges: EdgeBits| (0..4).filter(|k| edges >> k & 1 == 1).fold(self.start, |m, k| m | self.edge_planes[0][k]);
         ended.iter().map(|t| OnPlanes { vertex: t.vertex, planes: planes(t.planes) }).collect()
     }
 

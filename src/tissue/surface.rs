@@ -1,7 +1,7 @@
 //! Casting a blade at the tissue as the user sees it, section by section.
 
 use super::Tissue;
-use crate::geometry::{FaceId, SectionId};
+use crate::geometry::{FaceId, SectionId, VertexId};
 use glam::DVec3;
 
 impl Tissue {
@@ -17,6 +17,17 @@ impl Tissue {
             }
         }
         out.sort_unstable();
+    }
+
+    /// A vertex of the section whose posed bounds are nearest to `p`: near enough to tie a point of space to the tissue.
+    pub(super) fn any_vertex_near(&self, p: DVec3) -> Option<VertexId> {
+        let away = |&(low, high): &(DVec3, DVec3)| (p.clamp(low.min(high), high.max(low)) - p).length_squared();
+        let bounds = self.sections.current();
+        let filled = (0..bounds.len()).filter(|&s| self.mesh.section_faces(SectionId::new(s)).next().is_some());
+        let section = filled.min_by(|&a, &b| away(&bounds[a]).total_cmp(&away(&bounds[b])))?;
+        let vertices = self.mesh.section_faces(SectionId::new(section)).flat_map(|f| self.mesh.face(f));
+        let near = |v: &VertexId| self.position(*v).distance_squared(p);
+        vertices.min_by(|a, b| near(a).total_cmp(&near(b)).then(a.cmp(b)))
     }
 
     /// How far particles and fades may carry a vertex along each axis: (towards high, towards low), metres (MATHS 5.8).
