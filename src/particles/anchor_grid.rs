@@ -23,27 +23,32 @@ pub struct AnchorGrid {
 impl AnchorGrid {
     /// A grid over the anchor positions (one a particle, `None` for retired ones) with cells of about `reach`.
     pub fn build(anchors: impl Iterator<Item = Option<DVec3>> + Clone, reach: f64) -> Self {
-        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for p in anchors.clone().flatten().filter(|p| p.is_finite()) {
-            (low, high) = (low.min(p), high.max(p));
-        }
-        let extent = if low.x <= high.x { high - low } else { DVec3::ZERO };
-        let cell = reach.max(extent.max_element() / MAX_SIDE).max(f64::MIN_POSITIVE);
-        let sides = [extent.x, extent.y, extent.z].map(|e| ((e / cell) as usize).min(MAX_SIDE as usize) + 1);
-        let mut grid = Self {
-            origin: if low.x <= high.x { low } else { DVec3::ZERO },
-            inverse_cell: 1.0 / cell,
-            sides,
-            heads: vec![u32::MAX; sides[0] * sides[1] * sides[2]],
-            entries: Vec::new(),
-            cell_of: Vec::new(),
-        };
+        let mut grid = Self::over(anchors.clone().flatten(), reach);
         for (j, p) in anchors.enumerate() {
             if let Some(p) = p {
                 grid.insert(ParticleId::new(j), p);
             }
         }
         grid
+    }
+
+    /// An empty grid over the bounds of `points` with cells of about `reach`.
+    pub fn over(points: impl Iterator<Item = DVec3>, reach: f64) -> Self {
+        let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for p in points.filter(|p| p.is_finite()) {
+            (low, high) = (low.min(p), high.max(p));
+        }
+        let extent = if low.x <= high.x { high - low } else { DVec3::ZERO };
+        let cell = reach.max(extent.max_element() / MAX_SIDE).max(f64::MIN_POSITIVE);
+        let sides = [extent.x, extent.y, extent.z].map(|e| ((e / cell) as usize).min(MAX_SIDE as usize) + 1);
+        Self {
+            origin: if low.x <= high.x { low } else { DVec3::ZERO },
+            inverse_cell: 1.0 / cell,
+            sides,
+            heads: vec![u32::MAX; sides[0] * sides[1] * sides[2]],
+            entries: Vec::new(),
+            cell_of: Vec::new(),
+        }
     }
 
     /// True before the first build.
