@@ -9,11 +9,11 @@
 //! The order decides density and speed. Samples advance as a front: candidates are the vertices just outside the disks
 //! taken so far, oldest disk first, which packs them closer than random darts and keeps the working set small.
 
-use super::anchor_grid::AnchorGrid;
 use super::flood::{FaceQueue, Flood};
+use super::point_grid::PointGrid;
 use super::random::draw;
 use super::settings::spacing_for_count;
-use crate::geometry::{Mesh, ParticleId, VertexId};
+use crate::geometry::{Mesh, VertexId};
 use glam::DVec3;
 use std::collections::VecDeque;
 
@@ -37,7 +37,7 @@ pub struct PoissonScratch {
     disks: VecDeque<Disk>,
     rims: Vec<VertexId>,
     /// Samples by place.
-    grid: AnchorGrid,
+    grid: PointGrid,
     near: Vec<VertexId>,
     flood: Flood,
 }
@@ -68,7 +68,7 @@ pub fn sample_with(
     scratch.marks.resize(vertices, 0);
     scratch.disks.clear();
     scratch.rims.clear();
-    scratch.grid = AnchorGrid::over(rest[..vertices].iter().copied(), spacing);
+    scratch.grid = PointGrid::over(rest[..vertices].iter().copied(), spacing);
     let first = (draw(seed, 0) % vertices as u64) as usize;
     let mut sampler = Sampler { mesh, rest, spacing, limit: spacing * spacing, scratch, samples };
     for start in (first..vertices).chain(0..first).map(VertexId::new) {
@@ -128,7 +128,7 @@ impl Sampler<'_> {
             self.scratch.marks[candidate.index()] = 1;
             return false;
         }
-        self.scratch.grid.insert(ParticleId::new(self.samples.len()), self.rest[candidate.index()]);
+        self.scratch.grid.insert(self.samples.len() as u32, self.rest[candidate.index()]);
         self.samples.push(candidate);
         self.cover(candidate, from);
         true
@@ -141,7 +141,7 @@ impl Sampler<'_> {
         let near = &mut self.scratch.near;
         near.clear();
         self.scratch.grid.visit(centre - self.spacing, centre + self.spacing, |j| {
-            let sample = samples[j.index()];
+            let sample = samples[j as usize];
             if (rest[sample.index()] - centre).length_squared() < limit {
                 near.push(sample);
             }
