@@ -1,8 +1,8 @@
 //! Building a [`ParticleMap`] from anchors: influences and neighbours by the sheet rule (MATHS 2.1, 3.1).
 
-use super::anchor_grid::AnchorGrid;
 use super::flood::Flood;
 use super::particle_map::{Influence, Link, ParticleMap};
+use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
 use crate::geometry::{Mesh, ParticleId, SlotCsr, VertexId};
 use glam::DVec3;
@@ -109,13 +109,14 @@ fn reached_from_vertices(
     flood: &mut Flood,
     pairs: &mut Vec<(u32, ParticleId)>,
 ) {
-    let grid = AnchorGrid::build(anchors.iter().map(|a| Some(rest[a.index()])), radius);
+    let grid = PointGrid::build(anchors.iter().map(|a| Some(rest[a.index()])), radius);
     let near_count = pairs.len();
     let mut open: Vec<(ParticleId, VertexId)> = Vec::new();
     let known = SlotCsr::from_pairs(mesh.vertex_slots(), pairs);
     for v in mesh.live_vertices() {
         let p = rest[v.index()];
         grid.visit(p - radius, p + radius, |j| {
+            let j = ParticleId(j);
             let q = rest[anchors[j.index()].index()];
             if q.distance_squared(p) < radius * radius && !known.row(v.index()).contains(&j) {
                 open.push((j, v));
@@ -216,12 +217,13 @@ pub(super) fn nearest_connected(mesh: &Mesh, rest: &[DVec3], anchors: &[VertexId
 }
 
 fn neighbour_rows(mesh: &Mesh, rest: &[DVec3], anchors: &[VertexId], delta: f64, flood: &mut Flood) -> SlotCsr<Link> {
-    let grid = AnchorGrid::build(anchors.iter().map(|a| Some(rest[a.index()])), delta);
+    let grid = PointGrid::build(anchors.iter().map(|a| Some(rest[a.index()])), delta);
     let mut links: Vec<(ParticleId, ParticleId)> = Vec::new();
     for (j, &anchor) in anchors.iter().enumerate() {
         let (j, p) = (ParticleId::new(j), rest[anchor.index()]);
         flood.ball(mesh, rest, anchor, delta);
         grid.visit(p - delta, p + delta, |k| {
+            let k = ParticleId(k);
             let other = anchors[k.index()];
             let near = rest[other.index()].distance_squared(p) < delta * delta;
             if k != j && near && flood.has_reached(other) {

@@ -7,19 +7,88 @@
 use crate::geometry::{HalfEdge, Mesh, VertexId};
 use glam::DVec3;
 
-/// Scratch of the floods, sized by the mesh and kept between calls: a stamp replaces clearing.
+/// Enters every face next to a reached vertex once. Kept between floods: a stamp replaces clearing.
 #[derive(Clone, Debug, Default)]
-pub struct Flood {
-    /// `2 * round + 1` where reached, `2 * round` where seen and refused.
-    vertex_stamp: Vec<u32>,
-    face_stamp: Vec<u32>,
+pub(super) struct FaceQueue {
+    stamps: Vec<u32>,
     round: u32,
     /// Half-edges that faces were entered across, times 4, plus which ends are reached; longer than its content.
-    queue: Vec<u64>,
-    /// Vertices reached by the last flood, the start first, in the order they were reached.
+    entered: Vec<u64>,
+    queued: usize,
+}
+
+impl FaceQueue {
+    /// Forgets the last flood.
+    fn begin(&mut self, mesh: &Mesh) {
+        if self.round == u32::MAX {
+            self.stamps.fill(0);
+            self.round = 0;
+        }
+        self.round += 1;
+        if self.stamps.len() <= mesh.face_slots() {
+            self.stamps.resize(mesh.face_slots() + 1, 0);
+        }
+        if let Some(sentinel) = self.stamps.last_mut() {
+            *sentinel = self.round;
+        }
+        self.queued = 0;
+    }
+
+    /// Floods from live vertices that `is_reached` holds for. It is asked about vertices next to reached ones, again and
+    /// again, and must not change its mind.
+    pub(super) fn spread(
+        &mut self,
+        mesh: &Mesh,
+        starts: impl IntoIterator<Item = VertexId>,
+        mut is_reached: impl FnMut(VertexId) -> bool,
+    ) {
+        self.begin(mesh);
+        for start in starts {
+            // The face on either side of one edge of the start; the flood goes round the fan from there.
+            let h = mesh.all_vertex_half_edges()[start.index()];
+            let other = u64::from(is_reached(mesh.to(h)));
+            self.enter(h, 1 | other << 1);
+            self.enter(mesh.opposite(h), other | 2);
+        }
+        let (faces, opposites) = (mesh.faces(), mesh.all_opposites());
+        let mut next = 0;
+        while next < self.queued {
+            let (h, flags) = (HalfEdge((self.entered[next] >> 2) as u32), self.entered[next] & 3);
+            next += 1;
+            // The face was entered across `h`, whose ends are known; only the corner opposite may be new.
+            let (f, k) = (h.face().index(), h.corner());
+            let (k1, k2) = ([1, 2, 0][k], [2, 0, 1][k]);
+            let apex = u64::from(is_reached(faces[f][k2]));
+            self.enter(opposites[f][k1], apex | (flags & 2));
+            self.enter(opposites[f][k2], (flags & 1) | apex << 1);
+        }
+    }
+
+    /// Queues the face of `h` unless it was queued, `h` is absent, or neither end is reached (bit 0 of `flags`: the
+    /// vertex that `h` leaves, bit 1: the one it reaches). Without a branch: which way it goes is a coin toss.
+    #[inline]
+    fn enter(&mut self, h: HalfEdge, flags: u64) {
+        if self.queued == self.entered.len() {
+            self.entered.resize(self.entered.len() * 2 + 64, 0);
+        }
+        let sentinel = self.stamps.len() - 1; // always stamped: where an absent half-edge ends up
+        let stamp = &mut self.stamps[h.face().index().min(sentinel)];
+        let fresh = (flags != 0) & (*stamp != self.round);
+        *stamp = if fresh { self.round } else { *stamp };
+        self.entered[self.queued] = u64::from(h.0) << 2 | flags;
+        self.queued += usize::from(fresh);
+    }
+}
+
+/// Scratch of the floods, sized by the mesh and kept between calls.
+#[derive(Clone, Debug, Default)]
+pub struct Flood {
+    faces: FaceQueue,
+    /// `2 * round + 1` where reached, `2 * round` where seen and refused.
+    stamps: Vec<u32>,
+    round: u32,
+    /// Vertices reached by the last flood, the starts first, in the order they were reached.
     pub reached: Vec<VertexId>,
-    /// Vertices seen next to reached ones and refused, in the order they were seen.
-    pub rim: Vec<VertexId>,
 }
 
 impl Flood {
@@ -33,90 +102,45 @@ impl Flood {
     /// Floods from `starts` (taken whatever `inside` says; dead ones are skipped) over vertices that are `inside`.
     pub fn run(&mut self, mesh: &Mesh, starts: &[VertexId], inside: impl Fn(VertexId) -> bool) -> &[VertexId] {
         self.begin(mesh);
+        let (seen, taken) = (2 * self.round, 2 * self.round + 1);
+        let (stamps, reached) = (&mut self.stamps, &mut self.reached);
         for &start in starts {
-            if mesh.vertex_is_live(start) && self.vertex_stamp[start.index()] != 2 * self.round + 1 {
-                self.vertex_stamp[start.index()] = 2 * self.round + 1;
-                self.reached.push(start);
+            if mesh.vertex_is_live(start) && stamps[start.index()] != taken {
+                stamps[start.index()] = taken;
+                reached.push(start);
             }
         }
-        let mut queued = 0;
-        for i in 0..self.reached.len() {
-            // The face on either side of one edge of the start; the flood goes round the fan from there.
-            let h = mesh.all_vertex_half_edges()[self.reached[i].index()];
-            let other = u64::from(self.classify(mesh.to(h), &inside));
-            self.enter(h, 1 | other << 1, &mut queued);
-            self.enter(mesh.opposite(h), other | 2, &mut queued);
-        }
-        let (faces, opposites) = (mesh.faces(), mesh.all_opposites());
-        let mut next = 0;
-        while next < queued {
-            let (h, flags) = (HalfEdge((self.queue[next] >> 2) as u32), self.queue[next] & 3);
-            next += 1;
-            // The face was entered across `h`, whose ends are known; only the corner opposite may be new.
-            let (f, k) = (h.face().index(), h.corner());
-            let (k1, k2) = ([1, 2, 0][k], [2, 0, 1][k]);
-            let apex = u64::from(self.classify(faces[f][k2], &inside));
-            self.enter(opposites[f][k1], apex | (flags & 2), &mut queued);
-            self.enter(opposites[f][k2], (flags & 1) | apex << 1, &mut queued);
-        }
+        let live = starts.iter().copied().filter(|&v| mesh.vertex_is_live(v));
+        self.faces.spread(mesh, live, |v| {
+            let stamp = &mut stamps[v.index()];
+            if *stamp < seen {
+                *stamp = seen;
+                if inside(v) {
+                    *stamp = taken;
+                    reached.push(v);
+                }
+            }
+            *stamp == taken
+        });
         &self.reached
-    }
-
-    /// Whether `v` is reached, settled at the first sight of it next to a reached vertex.
-    #[inline]
-    fn classify(&mut self, v: VertexId, inside: &impl Fn(VertexId) -> bool) -> bool {
-        let stamp = &mut self.vertex_stamp[v.index()];
-        if *stamp < 2 * self.round {
-            if inside(v) {
-                *stamp = 2 * self.round + 1;
-                self.reached.push(v);
-            } else {
-                *stamp = 2 * self.round;
-                self.rim.push(v);
-            }
-        }
-        *stamp & 1 == 1
-    }
-
-    /// Queues the face of `h` unless it was queued, `h` is absent, or neither end is reached (bit 0 of `flags`: the
-    /// vertex that `h` leaves, bit 1: the one it reaches). Without a branch: which way it goes is a coin toss.
-    #[inline]
-    fn enter(&mut self, h: HalfEdge, flags: u64, queued: &mut usize) {
-        if *queued == self.queue.len() {
-            self.queue.resize(self.queue.len() * 2 + 64, 0);
-        }
-        let sentinel = self.face_stamp.len() - 1; // always stamped: where an absent half-edge ends up
-        let stamp = &mut self.face_stamp[h.face().index().min(sentinel)];
-        let fresh = (flags != 0) & (*stamp != self.round);
-        *stamp = if fresh { self.round } else { *stamp };
-        self.queue[*queued] = u64::from(h.0) << 2 | flags;
-        *queued += usize::from(fresh);
     }
 
     /// True if the last flood reached `v`.
     #[inline]
     pub fn has_reached(&self, v: VertexId) -> bool {
-        self.vertex_stamp.get(v.index()) == Some(&(2 * self.round + 1))
+        self.stamps.get(v.index()) == Some(&(2 * self.round + 1))
     }
 
     fn begin(&mut self, mesh: &Mesh) {
         if self.round >= u32::MAX / 2 - 1 {
-            self.vertex_stamp.fill(0);
-            self.face_stamp.fill(0);
+            self.stamps.fill(0);
             self.round = 0;
         }
         self.round += 1;
-        if self.vertex_stamp.len() < mesh.vertex_slots() {
-            self.vertex_stamp.resize(mesh.vertex_slots(), 0);
-        }
-        if self.face_stamp.len() <= mesh.face_slots() {
-            self.face_stamp.resize(mesh.face_slots() + 1, 0);
-        }
-        if let Some(sentinel) = self.face_stamp.last_mut() {
-            *sentinel = self.round;
+        if self.stamps.len() < mesh.vertex_slots() {
+            self.stamps.resize(mesh.vertex_slots(), 0);
         }
         self.reached.clear();
-        self.rim.clear();
     }
 }
 
@@ -150,7 +174,7 @@ mod tests {
                     let mut got = flood.ball(&mesh, &rest, v, radius).to_vec();
                     got.sort_unstable();
                     assert_eq!(got, by_fans(&mesh, &rest, v, radius));
-                    assert!(flood.rim.iter().all(|&w| !flood.has_reached(w)));
+                    assert!(mesh.live_vertices().all(|w| flood.has_reached(w) == got.contains(&w)));
                 }
             }
         }

@@ -17,7 +17,7 @@ use std::ops::Range;
 
 /// Influences a row may hold beyond [`ParticleSettings::max_influences`] after updates: room for wound particles, so that
 /// they push out no link that was there.
-pub const EXTRA_INFLUENCES: usize = 8;
+pub const EXTRA_INFLUENCES: usize = 16;
 
 /// A vertex that an edit made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,7 +82,6 @@ pub struct UpdateScratch {
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
     zone: Vec<VertexId>,
-    starts: Vec<VertexId>,
     near_strips: Vec<u32>,
     work: Vec<VertexId>,
     weighted: Vec<(f64, ParticleId)>,
@@ -152,42 +151,43 @@ impl Update<'_, '_> {
 
     /// Collects the particles, vertices and strips that the edit may concern. False if it concerns nothing.
     ///
-    /// A link is shorter than the reach, so one that crosses a new strip has both ends within the reach of it. The path
-    /// that joined them stayed within twice that, and what is left of it leads to a start: a vertex the edit touched, or
-    /// the anchor itself.
+    /// A link is shorter than the reach, so one that crosses a new strip has both ends within the reach of it. They are
+    /// looked up by place, not by a flood: links may outlive the edge path that once joined their ends.
     fn find_zone(&mut self) -> bool {
         self.map.influences.grow_rows(self.mesh.vertex_slots());
         let Some((low, high)) = self.bounds() else { return false };
-        let (map, rest) = (&*self.map, self.rest);
-        let s = &mut *self.scratch;
-        if self.strips.anchors.is_empty() {
-            let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
-            self.strips.anchors = super::anchor_grid::AnchorGrid::build(positions, self.settings.reach());
+        let reach = self.settings.reach();
+        let (mesh, map, rest) = (self.mesh, &*self.map, self.rest);
+        self.strips.prepare(mesh, rest, map, self.settings);
+        let places = &mut self.strips.places;
+        for new in self.edit.new_vertices {
+            places.vertices.insert(new.vertex.0, rest[new.vertex.index()]); // an undo may have moved a slot
         }
-        let (near_low, near_high) = (low - self.settings.reach(), high + self.settings.reach());
+        let s = &mut *self.scratch;
         s.near.clear();
-        self.strips.anchors.visit(near_low, near_high, |j| {
-            if let Some(anchor) = map.anchors.get(j.index()).filter(|a| a.is_some())
-                && is_within(rest[anchor.index()], near_low, near_high)
+        places.anchors.visit(low - reach, high + reach, |j| {
+            if let Some(anchor) = map.anchors.get(j as usize).filter(|a| a.is_some())
+                && is_within(rest[anchor.index()], low - reach, high + reach)
             {
-                s.near.push(j);
+                s.near.push(ParticleId(j));
             }
         });
         s.near.sort_unstable();
         s.near.dedup();
-        self.strips.near(low - 2.0 * self.settings.reach(), high + 2.0 * self.settings.reach(), &mut s.near_strips);
-        s.starts.clear();
-        s.starts.extend(s.near.iter().map(|j| map.anchors[j.index()]));
-        s.starts
-            .extend(self.edit.new_vertices.iter().flat_map(|n| n.parents.into_iter().chain([n.vertex])).filter(|v| v.is_some()));
-        let radius = self.settings.radius;
-        let (wide_low, wide_high) = (low - 2.0 * radius, high + 2.0 * radius);
-        s.flood.run(self.mesh, &s.starts, |v| is_within(rest[v.index()], wide_low, wide_high));
-        self.report.vertices_visited = s.flood.reached.len();
-        let (zone_low, zone_high) = (low - radius, high + radius);
+        s.rows.begin(mesh.vertex_slots());
         s.zone.clear();
-        s.zone.extend(s.flood.reached.iter().filter(|v| is_within(rest[v.index()], zone_low, zone_high)));
-        s.rows.begin(self.mesh.vertex_slots());
+        let (low, high) = (low - self.settings.radius, high + self.settings.radius);
+        let visited = &mut self.report.vertices_visited;
+        places.vertices.visit(low, high, |v| {
+            *visited += 1;
+            let v = VertexId(v);
+            if v.index() < mesh.vertex_slots() && is_within(rest[v.index()], low, high) && mesh.vertex_is_live(v) {
+                s.zone.push(v);
+            }
+        });
+        s.rows.keep_first(&mut s.zone);
+        let margin = 2.0 * reach;
+        self.strips.near(low - margin, high + margin, &mut s.near_strips);
         s.unlinked.clear();
         true
     }
@@ -285,7 +285,7 @@ impl Update<'_, '_> {
             self.unlink(j);
             self.map.anchors.set(j.index(), best.1);
             if best.1.is_some() {
-                self.strips.anchors.insert(j, self.rest[best.1.index()]);
+                self.strips.places.anchors.insert(j.0, self.rest[best.1.index()]);
                 self.scratch.unlinked.push(j);
                 self.report.reanchored.push(j);
             } else {
@@ -376,7 +376,7 @@ impl Update<'_, '_> {
         let j = ParticleId::new(self.map.anchors.push(anchor));
         self.map.rest_displacement.push(rest_displacement.to_array());
         self.map.neighbours.push_row(&[]);
-        self.strips.anchors.insert(j, self.rest[anchor.index()]);
+        self.strips.places.anchors.insert(j.0, self.rest[anchor.index()]);
         self.scratch.near.push(j);
         self.scratch.unlinked.push(j);
         self.report.particles_added.push(j);
@@ -487,7 +487,15 @@ impl Update<'_, '_> {
             weighted.clear();
             let particles = self.scratch.rows.particles(i);
             weighted.extend(particles.iter().map(|&j| (self.weight(v, j), j)));
-            normalise(&mut weighted, if self.scratch.rows.is_new(i) { self.settings.max_influences } else { limit });
+            let limit = if self.scratch.rows.is_new(i) { self.settings.max_influences + EXTRA_INFLUENCES / 2 } else { limit };
+            if weighted.len() > limit {
+                // What was there goes before what comes in, however strong.
+                let was_there = |j: ParticleId| self.map.influences.row(v.index()).iter().any(|e| e.particle == j);
+                weighted
+                    .sort_unstable_by(|a, b| was_there(b.1).cmp(&was_there(a.1)).then(b.0.total_cmp(&a.0)).then(a.1.cmp(&b.1)));
+                weighted.truncate(limit);
+            }
+            normalise(&mut weighted, limit);
             row.clear();
             row.extend(weighted.iter().map(|&(w, j)| Influence { particle: j, weight: w as f32 }));
             if row.is_empty() {

@@ -1,12 +1,12 @@
 //! The soft layer: sampling, the particle map, strips, the update after a wound (MATHS 3).
 
-pub mod anchor_grid;
 pub mod build;
 pub mod extract;
 pub mod flood;
 pub mod map_json;
 pub mod map_update;
 pub mod particle_map;
+pub mod point_grid;
 pub mod poisson;
 pub mod quality;
 pub mod random;

@@ -1,30 +1,28 @@
 //! Poisson-disk sampling on mesh vertices, sheet by sheet (MATHS 3.1).
 //!
 //! Vertices p and q conflict iff |p - q| < r and an edge path joins them whose vertices all lie within r of p, or all
-//! within r of q. One flood from a candidate settles everything about it: it finds every sample that conflicts by a path
-//! near the *candidate*; conflicts by a path near the *sample* were marked when that sample was taken; and if it is
-//! taken itself, what it reached is what it covers. So the result is valid and maximal for any order of candidates.
+//! within r of q. A sample marks what it covers by a flood that visits each vertex once over the whole run: it stops at
+//! vertices that are covered already. What such a flood misses, and what conflicts by a path near the other end, is
+//! settled before a candidate is taken: if a sample is near in space, full floods decide by the rule. So the result is
+//! valid and maximal for any order of candidates, and where sheets lie apart nothing but the marking is ever done.
 //!
 //! The order decides density and speed. Samples advance as a front: candidates are the vertices just outside the disks
 //! taken so far, oldest disk first, which packs them closer than random darts and keeps the working set small.
 
-use super::flood::Flood;
+use super::flood::{FaceQueue, Flood};
+use super::point_grid::PointGrid;
 use super::random::draw;
 use super::settings::spacing_for_count;
 use crate::geometry::{Mesh, VertexId};
 use glam::DVec3;
 use std::collections::VecDeque;
 
-const OPEN: u8 = 0;
-const COVERED: u8 = 1;
-const SAMPLE: u8 = 2;
-
 /// A sample whose rim may still hold candidates.
 #[derive(Clone, Copy, Debug)]
 struct Disk {
     centre: VertexId,
-    /// Where the last candidate was taken, or the sample that this one was found from.
-    last: VertexId,
+    /// The sample that this one was found from.
+    from: VertexId,
     /// Its open rim in the arena.
     start: u32,
     end: u32,
@@ -33,10 +31,15 @@ struct Disk {
 /// Scratch of [`sample_with`].
 #[derive(Clone, Debug, Default)]
 pub struct PoissonScratch {
-    flood: Flood,
-    state: Vec<u8>,
+    /// Odd: covered, by sample `(mark - 1) / 2` counted from 1. Even: open, last seen from the rim of sample `mark / 2`.
+    marks: Vec<u32>,
+    faces: FaceQueue,
     disks: VecDeque<Disk>,
     rims: Vec<VertexId>,
+    /// Samples by place.
+    grid: PointGrid,
+    near: Vec<VertexId>,
+    flood: Flood,
 }
 
 /// A valid and maximal Poisson-disk set of live vertices with radius `spacing` (metres), in the order it was found.
@@ -61,40 +64,56 @@ pub fn sample_with(
     if spacing.is_nan() || spacing < 0.0 || vertices == 0 {
         return;
     }
-    scratch.state.clear();
-    scratch.state.resize(vertices, OPEN);
+    scratch.marks.clear();
+    scratch.marks.resize(vertices, 0);
     scratch.disks.clear();
     scratch.rims.clear();
+    scratch.grid = PointGrid::over(rest[..vertices].iter().copied(), spacing);
     let first = (draw(seed, 0) % vertices as u64) as usize;
+    let mut sampler = Sampler { mesh, rest, spacing, limit: spacing * spacing, scratch, samples };
     for start in (first..vertices).chain(0..first).map(VertexId::new) {
-        if scratch.state[start.index()] == OPEN && mesh.vertex_is_live(start) {
-            // Every component starts here, and so does a pocket whose rims were seen while they were still covered.
-            scratch.take(mesh, rest, spacing, start, start, samples);
-            scratch.advance(mesh, rest, spacing, samples);
+        if sampler.is_open(start) && mesh.vertex_is_live(start) {
+            // Every component starts here, and so does a pocket that no rim saw.
+            sampler.take(start, start);
+            sampler.advance();
         }
     }
 }
 
-impl PoissonScratch {
+/// One run under way.
+struct Sampler<'a> {
+    mesh: &'a Mesh,
+    rest: &'a [DVec3],
+    spacing: f64,
+    limit: f64,
+    scratch: &'a mut PoissonScratch,
+    samples: &'a mut Vec<VertexId>,
+}
+
+impl Sampler<'_> {
+    fn is_open(&self, v: VertexId) -> bool {
+        self.scratch.marks[v.index()] & 1 == 0
+    }
+
     /// Fills the rims of all disks, oldest first; each pick lies as near as it may to the pick before it.
-    fn advance(&mut self, mesh: &Mesh, rest: &[DVec3], spacing: f64, samples: &mut Vec<VertexId>) {
-        while let Some(disk) = self.disks.pop_front() {
-            let mut last = disk.last;
-            while let Some(candidate) = self.nearest_open(rest, disk, last) {
-                if self.take(mesh, rest, spacing, candidate, disk.centre, samples) {
+    fn advance(&mut self) {
+        while let Some(disk) = self.scratch.disks.pop_front() {
+            let mut last = disk.from;
+            while let Some(candidate) = self.nearest_open(disk, last) {
+                if self.take(candidate, disk.centre) {
                     last = candidate;
                 }
             }
         }
-        self.rims.clear();
+        self.scratch.rims.clear();
     }
 
-    fn nearest_open(&self, rest: &[DVec3], disk: Disk, last: VertexId) -> Option<VertexId> {
+    fn nearest_open(&self, disk: Disk, last: VertexId) -> Option<VertexId> {
         let mut best = None;
         let mut least = f64::INFINITY;
-        for &v in &self.rims[disk.start as usize..disk.end as usize] {
-            if self.state[v.index()] == OPEN {
-                let distance = (rest[v.index()] - rest[last.index()]).length_squared();
+        for &v in &self.scratch.rims[disk.start as usize..disk.end as usize] {
+            if self.is_open(v) {
+                let distance = (self.rest[v.index()] - self.rest[last.index()]).length_squared();
                 if distance < least || best.is_none() {
                     (best, least) = (Some(v), distance);
                 }
@@ -103,39 +122,62 @@ impl PoissonScratch {
         best
     }
 
-    /// Makes `candidate` a sample unless a sample conflicts with it by a path near the candidate.
-    fn take(
-        &mut self,
-        mesh: &Mesh,
-        rest: &[DVec3],
-        spacing: f64,
-        candidate: VertexId,
-        found_from: VertexId,
-        samples: &mut Vec<VertexId>,
-    ) -> bool {
-        let centre = rest[candidate.index()];
-        let limit = spacing * spacing;
-        let conflicts = |v: VertexId| (rest[v.index()] - centre).length_squared() < limit;
-        self.flood.ball(mesh, rest, candidate, spacing);
-        let state = &mut self.state;
-        state[candidate.index()] = COVERED;
-        if self.flood.reached.iter().any(|&v| state[v.index()] == SAMPLE && conflicts(v)) {
+    /// Makes an open vertex a sample unless one conflicts with it.
+    fn take(&mut self, candidate: VertexId, from: VertexId) -> bool {
+        if self.conflicts(candidate) {
+            self.scratch.marks[candidate.index()] = 1;
             return false;
         }
-        for &v in &self.flood.reached {
-            if conflicts(v) {
-                state[v.index()] = COVERED;
-            }
-        }
-        state[candidate.index()] = SAMPLE;
-        samples.push(candidate);
-        let start = self.rims.len() as u32;
-        self.rims.extend(self.flood.rim.iter().filter(|v| state[v.index()] == OPEN));
-        let end = self.rims.len() as u32;
-        if end > start {
-            self.disks.push_back(Disk { centre: candidate, last: found_from, start, end });
-        }
+        self.scratch.grid.insert(self.samples.len() as u32, self.rest[candidate.index()]);
+        self.samples.push(candidate);
+        self.cover(candidate, from);
         true
+    }
+
+    /// The rule itself, for a candidate that no sample's marks have covered.
+    fn conflicts(&mut self, candidate: VertexId) -> bool {
+        let centre = self.rest[candidate.index()];
+        let (samples, rest, limit) = (&*self.samples, self.rest, self.limit);
+        let near = &mut self.scratch.near;
+        near.clear();
+        self.scratch.grid.visit(centre - self.spacing, centre + self.spacing, |j| {
+            let sample = samples[j as usize];
+            if (rest[sample.index()] - centre).length_squared() < limit {
+                near.push(sample);
+            }
+        });
+        if near.is_empty() {
+            return false;
+        }
+        let flood = &mut self.scratch.flood;
+        flood.ball(self.mesh, rest, candidate, self.spacing);
+        near.iter().any(|&s| flood.has_reached(s))
+            || near.iter().any(|&s| flood.ball(self.mesh, rest, s, self.spacing).contains(&candidate))
+    }
+
+    /// Marks open vertices in conflict with the newest sample, as far as open ones lead, and queues the rim beyond them.
+    fn cover(&mut self, sample: VertexId, from: VertexId) {
+        let number = self.samples.len() as u32;
+        let (seen, covered) = (2 * number, 2 * number + 1);
+        let (rest, limit, centre) = (self.rest, self.limit, self.rest[sample.index()]);
+        let PoissonScratch { marks, faces, rims, disks, .. } = &mut *self.scratch;
+        let start = rims.len();
+        marks[sample.index()] = covered;
+        faces.spread(self.mesh, [sample], |v| {
+            let mark = &mut marks[v.index()];
+            if *mark & 1 == 0 && *mark != seen {
+                if (rest[v.index()] - centre).length_squared() < limit {
+                    *mark = covered;
+                } else {
+                    *mark = seen;
+                    rims.push(v);
+                }
+            }
+            *mark == covered
+        });
+        if rims.len() > start {
+            disks.push_back(Disk { centre: sample, from, start: start as u32, end: rims.len() as u32 });
+        }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Figures of a sample set (MATHS 3.1).
 
-use super::anchor_grid::AnchorGrid;
 use super::flood::Flood;
+use super::point_grid::PointGrid;
 use super::settings::face_area;
 use crate::geometry::{Mesh, VertexId};
 use glam::DVec3;
@@ -61,12 +61,12 @@ fn min_spacing(rest: &[DVec3], samples: &[VertexId], spacing: f64) -> f64 {
     let at = |j: usize| rest[samples[j].index()];
     let mut reach = spacing;
     while samples.len() > 1 && reach.is_finite() && reach > 0.0 {
-        let grid = AnchorGrid::build((0..samples.len()).map(|j| Some(at(j))), reach);
+        let grid = PointGrid::build((0..samples.len()).map(|j| Some(at(j))), reach);
         let mut least = f64::INFINITY;
         for j in 0..samples.len() {
             grid.visit(at(j) - reach, at(j) + reach, |k| {
-                if k.index() != j {
-                    least = least.min(at(j).distance(at(k.index())));
+                if k as usize != j {
+                    least = least.min(at(j).distance(at(k as usize)));
                 }
             });
         }

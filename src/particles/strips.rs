@@ -3,9 +3,11 @@
 //! A plane cut leaves none: it parts every edge it meets, so what it separates is no longer connected, and the sheet rule
 //! links nothing that is not connected.
 
-use super::anchor_grid::AnchorGrid;
+use super::particle_map::ParticleMap;
+use super::point_grid::PointGrid;
+use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
-use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
+use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use parry3d::bounding_volume::Aabb;
@@ -72,8 +74,35 @@ pub struct Strips {
     /// Derived from `strips`, one for one; not hashed.
     geometry: Vec<StripGeometry>,
     bvh: Bvh,
-    /// Derived from the particle map by the updates; see [`AnchorGrid`].
-    pub(super) anchors: AnchorGrid,
+    /// Derived from mesh and particle map by the updates; not hashed.
+    pub(super) places: Places,
+}
+
+/// Where particles and vertices are, for updates that look around a wound. Both grids hold supersets: see [`PointGrid`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct Places {
+    /// Particles by their anchor.
+    pub(super) anchors: PointGrid,
+    /// Vertices.
+    pub(super) vertices: PointGrid,
+    /// Vertex slots that were looked at.
+    known: usize,
+}
+
+impl Places {
+    /// Brings the grids in line with what was added; builds them where there are none, which is the one pass over
+    /// everything. `reach` is the longest link.
+    fn update(&mut self, mesh: &Mesh, rest: &[DVec3], map: &ParticleMap, reach: f64) {
+        if self.vertices.is_empty() {
+            let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
+            self.anchors = PointGrid::build(positions, reach);
+            self.vertices = PointGrid::over(rest[..mesh.vertex_slots()].iter().copied(), 0.5 * reach);
+        }
+        for (v, &at) in rest.iter().enumerate().take(mesh.vertex_slots()).skip(self.known) {
+            self.vertices.insert(v as u32, at);
+        }
+        self.known = self.known.max(mesh.vertex_slots());
+    }
 }
 
 /// What an edit changed in [`Strips`].
@@ -222,10 +251,16 @@ impl Strips {
         (0..=k).rev().take_while(|&i| self.strips[i].slit == self.strips[k].slit).last().unwrap_or(k)
     }
 
-    /// Forgets derived data about the particles: needed when the map is not the one that the updates saw, as after a
-    /// piece was split off or the particles were sampled anew.
-    pub fn forget_particles(&mut self) {
-        self.anchors = AnchorGrid::default();
+    /// Prepares for updates of this mesh and map: the first update would do it, in one pass over the model; done at
+    /// load, no tear pays for it.
+    pub fn prepare(&mut self, mesh: &Mesh, rest: &[DVec3], map: &ParticleMap, settings: &ParticleSettings) {
+        self.places.update(mesh, rest, map, settings.reach());
+    }
+
+    /// Forgets where particles and vertices are: needed when mesh or map are not those that the updates saw, as after the
+    /// particles were sampled anew.
+    pub fn forget_places(&mut self) {
+        self.places = Places::default();
     }
 
     /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices. `vertices[new]` is the

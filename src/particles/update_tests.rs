@@ -221,7 +221,7 @@ fn an_update_is_as_complete_as_a_map_built_anew() {
 
 #[test]
 fn several_wounds_one_after_the_other() {
-    for seed in 0..6 {
+    for seed in 0..12 {
         let mut patient = Patient::new(test_models::grid(24, 0.4, seed), settings(0.15, 0.04));
         for i in 0..5 {
             let draw = |k: u64| noise(seed * 1000 + i * 10 + k);
@@ -234,6 +234,18 @@ fn several_wounds_one_after_the_other() {
             patient.validate();
             assert_eq!(lost(&before, &patient), 0, "seed {seed} wound {i}");
         }
+    }
+}
+
+#[test]
+fn slits_close_together_keep_their_sides() {
+    let mut patient = Patient::new(test_models::grid(30, 0.0, 1), settings(0.12, 0.03));
+    for (row, x0, x1, pieces) in [(15.0, 0.2, 0.8, 3), (16.0, 0.4, 0.9, 2), (14.0, 0.1, 0.5, 1), (15.0, 0.8, 0.9, 1)] {
+        let before = patient.map.clone();
+        let wound = patient.slit(row / 30.0, x0, x1, pieces);
+        patient.update(&wound);
+        patient.validate();
+        assert_eq!(lost(&before, &patient), 0);
     }
 }
 
@@ -321,7 +333,8 @@ fn an_update_stays_near_the_wound() {
         );
         report.vertices_visited
     };
-    assert_eq!(visited(100), visited(50), "cost follows the wound, not the model");
+    let (large, small) = (visited(120), visited(60));
+    assert!(large < small + small / 4, "{large} {small}: cost follows the wound, not the model");
 }
 
 #[test]

@@ -1,49 +1,53 @@
-//! A uniform grid over anchors: which particles are near, whatever their sheet.
+//! A uniform grid over points: what is near, whatever its sheet.
 
-use crate::geometry::ParticleId;
 use glam::DVec3;
 
 /// Most cells a side, so that a tiny reach in a large model stays cheap.
 const MAX_SIDE: f64 = 128.0;
 
-/// Particles by cell. Derived data: a superset that answers are filtered by, so an entry that an undo or a move has made
+/// Points, anchors of particles or vertices, by cell. Derived data: a superset that answers are filtered by, so an entry that an undo or a move has made
 /// stale does no harm.
 #[derive(Clone, Debug, Default)]
-pub struct AnchorGrid {
+pub struct PointGrid {
     origin: DVec3,
     inverse_cell: f64,
     sides: [usize; 3],
     heads: Vec<u32>,
-    /// Particle and the next entry of its cell.
-    entries: Vec<(ParticleId, u32)>,
-    /// For each particle the cell it was last put in.
+    /// Index of the point and the next entry of its cell.
+    entries: Vec<(u32, u32)>,
+    /// For each point the cell it was last put in.
     cell_of: Vec<u32>,
 }
 
-impl AnchorGrid {
-    /// A grid over the anchor positions (one a particle, `None` for retired ones) with cells of about `reach`.
-    pub fn build(anchors: impl Iterator<Item = Option<DVec3>> + Clone, reach: f64) -> Self {
+impl PointGrid {
+    /// A grid over points, numbered as they come (`None` is left out), with cells of about `reach`.
+    pub fn build(points: impl Iterator<Item = Option<DVec3>> + Clone, reach: f64) -> Self {
+        let mut grid = Self::over(points.clone().flatten(), reach);
+        for (j, p) in points.enumerate() {
+            if let Some(p) = p {
+                grid.insert(j as u32, p);
+            }
+        }
+        grid
+    }
+
+    /// An empty grid over the bounds of `points` with cells of about `reach`.
+    pub fn over(points: impl Iterator<Item = DVec3>, reach: f64) -> Self {
         let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for p in anchors.clone().flatten().filter(|p| p.is_finite()) {
+        for p in points.filter(|p| p.is_finite()) {
             (low, high) = (low.min(p), high.max(p));
         }
         let extent = if low.x <= high.x { high - low } else { DVec3::ZERO };
         let cell = reach.max(extent.max_element() / MAX_SIDE).max(f64::MIN_POSITIVE);
         let sides = [extent.x, extent.y, extent.z].map(|e| ((e / cell) as usize).min(MAX_SIDE as usize) + 1);
-        let mut grid = Self {
+        Self {
             origin: if low.x <= high.x { low } else { DVec3::ZERO },
             inverse_cell: 1.0 / cell,
             sides,
             heads: vec![u32::MAX; sides[0] * sides[1] * sides[2]],
             entries: Vec::new(),
             cell_of: Vec::new(),
-        };
-        for (j, p) in anchors.enumerate() {
-            if let Some(p) = p {
-                grid.insert(ParticleId::new(j), p);
-            }
         }
-        grid
     }
 
     /// True before the first build.
@@ -51,26 +55,26 @@ impl AnchorGrid {
         self.heads.is_empty()
     }
 
-    /// Adds a particle at a position; where it was before stays as a stale entry.
-    pub fn insert(&mut self, particle: ParticleId, at: DVec3) {
+    /// Adds a point at a position; where it was before stays as a stale entry.
+    pub fn insert(&mut self, point: u32, at: DVec3) {
         if self.heads.is_empty() {
             return;
         }
         let [x, y, z] = self.cell(at);
         let cell = (z * self.sides[1] + y) * self.sides[0] + x;
-        if self.cell_of.len() <= particle.index() {
-            self.cell_of.resize(particle.index() + 1, u32::MAX);
+        if self.cell_of.len() <= point as usize {
+            self.cell_of.resize(point as usize + 1, u32::MAX);
         }
-        if self.cell_of[particle.index()] == cell as u32 {
+        if self.cell_of[point as usize] == cell as u32 {
             return;
         }
-        self.cell_of[particle.index()] = cell as u32;
-        self.entries.push((particle, self.heads[cell]));
+        self.cell_of[point as usize] = cell as u32;
+        self.entries.push((point, self.heads[cell]));
         self.heads[cell] = (self.entries.len() - 1) as u32;
     }
 
-    /// Calls `found` for every particle of the cells that the box meets. Some lie outside it, some come twice.
-    pub fn visit(&self, low: DVec3, high: DVec3, mut found: impl FnMut(ParticleId)) {
+    /// Calls `found` for every point of the cells that the box meets. Some lie outside it, some come twice.
+    pub fn visit(&self, low: DVec3, high: DVec3, mut found: impl FnMut(u32)) {
         if self.heads.is_empty() {
             return;
         }
@@ -80,8 +84,8 @@ impl AnchorGrid {
                 for x in a[0]..=b[0] {
                     let mut next = self.heads[(z * self.sides[1] + y) * self.sides[0] + x];
                     while next != u32::MAX {
-                        let (particle, after) = self.entries[next as usize];
-                        found(particle);
+                        let (point, after) = self.entries[next as usize];
+                        found(point);
                         next = after;
                     }
                 }
@@ -103,19 +107,19 @@ mod tests {
     use crate::particles::test_models::noise;
 
     #[test]
-    fn every_particle_of_a_box_is_found() {
+    fn every_point_of_a_box_is_found() {
         let points: Vec<DVec3> =
             (0..300).map(|i| DVec3::new(noise(3 * i), 2.0 * noise(3 * i + 1), noise(3 * i + 2) - 0.5)).collect();
-        let mut grid = AnchorGrid::build(points[..200].iter().map(|&p| Some(p)), 0.2);
+        let mut grid = PointGrid::build(points[..200].iter().map(|&p| Some(p)), 0.2);
         for (j, &p) in points.iter().enumerate().skip(200) {
-            grid.insert(ParticleId::new(j), p + DVec3::X * 0.5); // outside the built bounds: clamped, not lost
+            grid.insert(j as u32, p + DVec3::X * 0.5); // outside the built bounds: clamped, not lost
         }
         let at = |j: usize| if j < 200 { points[j] } else { points[j] + DVec3::X * 0.5 };
         for i in 0..50 {
             let low = DVec3::new(noise(i + 1000) * 1.5, noise(i + 2000), noise(i + 3000) - 0.5);
             let high = low + DVec3::splat(0.3);
             let mut found = Vec::new();
-            grid.visit(low, high, |p| found.push(p.index()));
+            grid.visit(low, high, |p| found.push(p as usize));
             for j in 0..300 {
                 if at(j).cmpge(low).all() && at(j).cmple(high).all() {
                     assert!(found.contains(&j));
