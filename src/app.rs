@@ -82,7 +82,11 @@ impl App {
         let FrameReport { stages, counters, edits, .. } = &mut report;
         let commands = stages.time("tools", || {
             for &(layer, on) in &input.show {
-                if on { self.layers.insert(layer) } else { self.layers.remove(&layer) };
+                if on {
+                    self.layers.insert(layer)
+                } else {
+                    self.layers.remove(&layer)
+                };
             }
             &input.commands
         });
@@ -94,7 +98,8 @@ impl App {
         stages.time("pose", || self.scene.pose(input.time_s, input.time_s * self.speed));
         stages.time("physics", || self.scene.step(input.step_s));
         counters.faces_visited = edits.iter().map(|e| e.faces_visited as u64).sum();
-        counters.particles_awake = self.scene.tissues().filter_map(|(_, t)| t.layer()).map(|l| l.network.awake_particles() as u64).sum();
+        counters.particles_awake =
+            self.scene.tissues().filter_map(|(_, t)| t.layer()).map(|l| l.network.awake_particles() as u64).sum();
         let changes = self.scene.take_changes();
         counters.allocations = (self.allocations)() - allocated;
         let view = FrameView { scene: &self.scene, changes: &changes, layers: &self.layers, time_s: input.time_s };

@@ -5,8 +5,8 @@ mod common;
 use common::Solid;
 use glam::{DMat3, DQuat, DVec3};
 use incise::geometry::{FaceId, Plane, VertexId};
-use incise::surgery::plane_cut::{PlaneCutScratch, plane_cut};
 use incise::surgery::Side;
+use incise::surgery::plane_cut::{PlaneCutScratch, plane_cut};
 use incise::surgery::tear::{Body, TearScratch, TearStep, tear_step};
 use proptest::prelude::*;
 
@@ -35,7 +35,9 @@ impl Hexahedron {
                 planes.push(Plane::Points([at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0)]));
             }
         }
-        let corners: Vec<DVec3> = (0..8).map(|i| corner(f64::from(i & 1) * 2.0 - 1.0, f64::from(i >> 1 & 1) * 2.0 - 1.0, f64::from(i >> 2) * 2.0 - 1.0)).collect();
+        let corners: Vec<DVec3> = (0..8)
+            .map(|i| corner(f64::from(i & 1) * 2.0 - 1.0, f64::from(i >> 1 & 1) * 2.0 - 1.0, f64::from(i >> 2) * 2.0 - 1.0))
+            .collect();
         let sides = vec![Side::Start, Side::End, Side::Minus, Side::Plus, Side::Floor, Side::Top];
         let min = corners.iter().copied().reduce(DVec3::min).unwrap();
         let max = corners.iter().copied().reduce(DVec3::max).unwrap();
@@ -58,7 +60,15 @@ fn tear(solid: &mut Solid, body: &Hexahedron) -> (bool, TearStep) {
     let candidates: Vec<FaceId> = solid.mesh.live_faces().collect();
     let mut out = TearStep::default();
     let positions = solid.positions.clone();
-    let hit = tear_step(&mut solid.mesh, &body.body(), &candidates, &|v: VertexId| positions[v.index()], &[], &mut TearScratch::default(), &mut out);
+    let hit = tear_step(
+        &mut solid.mesh,
+        &body.body(),
+        &candidates,
+        &|v: VertexId| positions[v.index()],
+        &[],
+        &mut TearScratch::default(),
+        &mut out,
+    );
     append(solid, &out.new_vertices);
     (hit, out)
 }
@@ -75,7 +85,13 @@ fn append(solid: &mut Solid, new: &[incise::surgery::insert::NewVertex]) {
 fn check_tear(before: &Solid, after: &Solid, body: &Hexahedron, hit: bool, step: &TearStep) -> Result<(), TestCaseError> {
     prop_assert_eq!(after.mesh.validate(), Ok(()));
     let scale = before.area();
-    prop_assert!((before.area() - after.area() - step.area_removed).abs() < 1e-9 * scale, "{} {} {}", before.area(), after.area(), step.area_removed);
+    prop_assert!(
+        (before.area() - after.area() - step.area_removed).abs() < 1e-9 * scale,
+        "{} {} {}",
+        before.area(),
+        after.area(),
+        step.area_removed
+    );
     prop_assert_eq!(hit, step.faces_removed > 0);
     for f in after.mesh.live_faces() {
         let centre = after.mesh.face(f).iter().map(|&v| after.at(v)).sum::<DVec3>() / 3.0;
@@ -92,10 +108,12 @@ fn check_tear(before: &Solid, after: &Solid, body: &Hexahedron, hit: bool, step:
 
 fn any_box(centre: f64, half: f64) -> impl Strategy<Value = Hexahedron> {
     let axis = prop::array::uniform3(-1.0f64..1.0);
-    (prop::array::uniform3(-centre..centre), prop::array::uniform3(0.01..half), axis, 0.0f64..6.0).prop_map(|(c, h, axis, angle)| {
-        let axis = DVec3::from_array(axis).try_normalize().unwrap_or(DVec3::X);
-        Hexahedron::new(DVec3::from_array(c), DMat3::from_quat(DQuat::from_axis_angle(axis, angle)), DVec3::from_array(h))
-    })
+    (prop::array::uniform3(-centre..centre), prop::array::uniform3(0.01..half), axis, 0.0f64..6.0).prop_map(
+        |(c, h, axis, angle)| {
+            let axis = DVec3::from_array(axis).try_normalize().unwrap_or(DVec3::X);
+            Hexahedron::new(DVec3::from_array(c), DMat3::from_quat(DQuat::from_axis_angle(axis, angle)), DVec3::from_array(h))
+        },
+    )
 }
 
 fn grid_box(n: i32) -> impl Strategy<Value = Hexahedron> {

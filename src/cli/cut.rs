@@ -60,7 +60,13 @@ impl Cut {
         }
         print_line(&format!("{}: {} piece(s) in {}", report.outcome.as_str(), report.pieces.len(), self.out.display()));
         for (i, piece) in report.pieces.iter().enumerate() {
-            let side = if report.outcome == Outcome::Missed { "" } else if piece.side < 0 { ", negative side" } else { ", positive side" };
+            let side = if report.outcome == Outcome::Missed {
+                ""
+            } else if piece.side < 0 {
+                ", negative side"
+            } else {
+                ", positive side"
+            };
             print_line(&format!("  piece-{i}: {} faces, {:.6e} m2{side}", piece.faces, piece.area));
         }
         Ok(())

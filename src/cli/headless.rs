@@ -97,7 +97,11 @@ impl Headless {
 
     fn play(&self, app: &mut App, target: &mut HeadlessTarget, mut player: ScriptPlayer) -> Result<Vec<FrameReport>, CliError> {
         let frames = player.frames();
-        let bar = if std::io::stderr().is_terminal() { indicatif::ProgressBar::new(frames as u64) } else { indicatif::ProgressBar::hidden() };
+        let bar = if std::io::stderr().is_terminal() {
+            indicatif::ProgressBar::new(frames as u64)
+        } else {
+            indicatif::ProgressBar::hidden()
+        };
         let size = self.size;
         let reports = run(
             app,
@@ -179,7 +183,11 @@ fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, 
     network.damping_ratio = script.particles.damping.unwrap_or(network.damping_ratio);
     network.coupling = script.particles.coupling.unwrap_or(network.coupling);
     let tissue = Tissue::new(model, &settings).map_err(CliError::input)?;
-    let scene = SceneSettings { sampling: config.sampling, sample_distance: script.tear.sample_distance, sample_time: script.tear.sample_time };
+    let scene = SceneSettings {
+        sampling: config.sampling,
+        sample_distance: script.tear.sample_distance,
+        sample_time: script.tear.sample_time,
+    };
     Ok((Scene::new(tissue, scene), script.tear.width.unwrap_or(config.tear.width * diagonal)))
 }
 

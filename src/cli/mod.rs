@@ -84,7 +84,9 @@ pub fn main(allocations: fn() -> u64) -> u8 {
         #[cfg(not(feature = "gpu"))]
         None => {
             let _ = allocations;
-            Err(CliError::Input("this build draws no pictures; give a sub-command (see --help), or build with the feature `gpu`".into()))
+            Err(CliError::Input(
+                "this build draws no pictures; give a sub-command (see --help), or build with the feature `gpu`".into(),
+            ))
         }
     };
     match result {

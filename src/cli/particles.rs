@@ -59,8 +59,14 @@ impl Particles {
             return Ok(());
         }
         print_line(&format!("{} particles, {influences} influences, {links} springs", layer.map.live()));
-        print_line(&format!("  spacing {:.4e} m, radius {:.4e} m, neighbours within {:.4e} m", settings.spacing, settings.radius, settings.neighbours));
-        print_line(&format!("  least spacing on a sheet {:.4e} m, coverage {:.4e} m, radius ratio {:.3}", quality.min_spacing_same_sheet, quality.coverage, quality.radius_ratio));
+        print_line(&format!(
+            "  spacing {:.4e} m, radius {:.4e} m, neighbours within {:.4e} m",
+            settings.spacing, settings.radius, settings.neighbours
+        ));
+        print_line(&format!(
+            "  least spacing on a sheet {:.4e} m, coverage {:.4e} m, radius ratio {:.3}",
+            quality.min_spacing_same_sheet, quality.coverage, quality.radius_ratio
+        ));
         Ok(())
     }
 }

@@ -105,7 +105,8 @@ impl Tear {
     }
 
     fn write(&self, scene: &Scene) -> Result<f64, CliError> {
-        let names: Vec<String> = scene.tissues().map(|(id, t)| if id.0 == 0 { t.name.clone() } else { format!("{}-{}", t.name, id.0) }).collect();
+        let names: Vec<String> =
+            scene.tissues().map(|(id, t)| if id.0 == 0 { t.name.clone() } else { format!("{}-{}", t.name, id.0) }).collect();
         let parts: Vec<ExportPiece> = scene
             .tissues()
             .zip(&names)

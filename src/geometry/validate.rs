@@ -93,7 +93,11 @@ impl Mesh {
         for s in 0..self.sections() {
             let mut previous = FaceId::NONE;
             for f in self.section_faces(super::SectionId::new(s)).take(self.face_slots() + 1) {
-                if listed[f.index()] || !self.is_live(f) || self.face_info(f).section.index() != s || self.section_links[f.index()][0] != previous {
+                if listed[f.index()]
+                    || !self.is_live(f)
+                    || self.face_info(f).section.index() != s
+                    || self.section_links[f.index()][0] != previous
+                {
                     return Err(MeshFault::Section(f));
                 }
                 listed[f.index()] = true;
@@ -116,7 +120,13 @@ pub(crate) mod tests {
     pub(crate) fn octahedron() -> Mesh {
         let faces = [[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
         let wedge = |v| Wedge { vertex: VertexId(v), group: WedgeId(v), uv: [0.0; 2], normal: [0.0, 0.0, 1.0], colour: u32::MAX };
-        Mesh::build(6, faces.map(|f| f.map(VertexId)).to_vec(), faces.map(|f| f.map(WedgeId)).to_vec(), &[0; 8], (0..6).map(wedge).collect())
+        Mesh::build(
+            6,
+            faces.map(|f| f.map(VertexId)).to_vec(),
+            faces.map(|f| f.map(WedgeId)).to_vec(),
+            &[0; 8],
+            (0..6).map(wedge).collect(),
+        )
     }
 
     #[test]
@@ -132,10 +142,23 @@ pub(crate) mod tests {
         assert_eq!(broken(&|m| m.face_wedges.set(1, [WedgeId(0); 3])), MeshFault::Wedge(FaceId(1)));
         assert!(matches!(broken(&|m| m.opposite.set(0, [HalfEdge(5); 3])), MeshFault::Opposite(_)));
         assert_eq!(broken(&|m| m.vertex_half_edge.set(3, HalfEdge(0))), MeshFault::VertexHalfEdge(VertexId(3)));
-        assert!(matches!(broken(&|m| { m.add_vertex(); m.vertex_half_edge.set(6, HalfEdge(1)) }), MeshFault::VertexHalfEdge(_)));
+        assert!(matches!(
+            broken(&|m| {
+                m.add_vertex();
+                m.vertex_half_edge.set(6, HalfEdge(1))
+            }),
+            MeshFault::VertexHalfEdge(_)
+        ));
         assert!(matches!(broken(&|m| drop(m.free_faces.push(FaceId(0)))), MeshFault::FreeList(_)));
         assert!(matches!(broken(&|m| m.section_links.set(2, [FaceId::NONE; 2])), MeshFault::Section(_)));
-        assert!(matches!(broken(&|m| { let mut i = m.face_info(FaceId(1)); i.section = SectionId(9); m.face_info.set(1, i) }), MeshFault::Section(_)));
+        assert!(matches!(
+            broken(&|m| {
+                let mut i = m.face_info(FaceId(1));
+                i.section = SectionId(9);
+                m.face_info.set(1, i)
+            }),
+            MeshFault::Section(_)
+        ));
         // two separate edges at one vertex leave two fans
         let fans = broken(&|m| {
             for h in m.fan(VertexId(4)).enumerate().filter(|(i, _)| i % 2 == 0).map(|(_, h)| h).collect::<Vec<_>>() {

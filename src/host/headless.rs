@@ -5,7 +5,8 @@ use crate::app::{App, FrameCounters, FrameReport, FrameTarget, FrameView};
 use crate::diagnostics::Stages;
 use crate::formats::Material;
 use crate::gpu::{
-    Camera, Context, ContextOptions, DrawOptions, GpuError, MaterialView, Renderer, Scenery, TextureView, TissueDirty, TissueView, ViewVersions,
+    Camera, Context, ContextOptions, DrawOptions, GpuError, MaterialView, Renderer, Scenery, TextureView, TissueDirty,
+    TissueView, ViewVersions,
 };
 use crate::input::InputFrame;
 use crate::particles::ParticleMap;
@@ -87,7 +88,8 @@ impl HeadlessTarget {
             self.renderer.remove(u64::from(gone.0));
         }
         for (id, tissue) in view.scene.tissues() {
-            let ranges = if self.known.contains(&id) { dirty.remove(&id).unwrap_or_else(TissueDirty::clean) } else { TissueDirty::Full };
+            let ranges =
+                if self.known.contains(&id) { dirty.remove(&id).unwrap_or_else(TissueDirty::clean) } else { TissueDirty::Full };
             let materials = material_views(tissue.materials());
             self.renderer.sync(u64::from(id.0), &tissue_view(tissue, &materials), &ranges)?;
         }
@@ -153,7 +155,12 @@ fn tissue_view<'a>(tissue: &'a Tissue, materials: &'a [MaterialView<'a>]) -> Tis
         pose: tissue.pose(),
         materials,
         world_from_tissue: DAffine3::from_translation(tissue.offset()),
-        versions: ViewVersions { pose: versions.pose, displacements: versions.displacements, fades: versions.fades, materials: 0 },
+        versions: ViewVersions {
+            pose: versions.pose,
+            displacements: versions.displacements,
+            fades: versions.fades,
+            materials: 0,
+        },
     }
 }
 

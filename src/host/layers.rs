@@ -73,7 +73,11 @@ fn influences(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
             if anchor.is_some() && anchor != v {
                 let mut colour = INFLUENCE;
                 colour[3] *= i.weight;
-                lines.push(LineSegment::new(tissue.position(v) + tissue.offset(), tissue.position(anchor) + tissue.offset(), colour));
+                lines.push(LineSegment::new(
+                    tissue.position(v) + tissue.offset(),
+                    tissue.position(anchor) + tissue.offset(),
+                    colour,
+                ));
             }
         }
     }
@@ -82,7 +86,8 @@ fn influences(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
 fn sections(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     let mesh = tissue.mesh();
     for s in 0..mesh.sections() {
-        let points = mesh.section_faces(SectionId::new(s)).flat_map(|f| mesh.face(f)).map(|v| tissue.position(v) + tissue.offset());
+        let points =
+            mesh.section_faces(SectionId::new(s)).flat_map(|f| mesh.face(f)).map(|v| tissue.position(v) + tissue.offset());
         let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
         if low.cmple(high).all() {
             let corner = |i: u32| DVec3::new(pick(i & 1, low.x, high.x), pick(i & 2, low.y, high.y), pick(i & 4, low.z, high.z));

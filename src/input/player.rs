@@ -31,7 +31,10 @@ impl ScriptPlayer {
     pub fn new(script: Script, width: f64, default_camera: CameraPose) -> Self {
         for action in &script.actions {
             if matches!(action.kind, ActionKind::Poke { .. } | ActionKind::Squeeze { .. }) {
-                tracing::warn!("line {}: poke and squeeze need contact, which this version does not have; passed over", action.line);
+                tracing::warn!(
+                    "line {}: poke and squeeze need contact, which this version does not have; passed over",
+                    action.line
+                );
             }
             if matches!(action.kind, ActionKind::Cut { cap: true, .. }) {
                 tracing::info!("line {}: caps are not built yet; the pieces stay open", action.line);
@@ -55,7 +58,8 @@ impl ScriptPlayer {
     /// The input of a frame. Frames are asked for in order, each once.
     pub fn frame(&mut self, frame: usize) -> InputFrame {
         let now = self.script.time_of(frame as u32);
-        let mut input = InputFrame { time_s: now, step_s: self.script.step, camera: Some(self.camera_at(now)), ..InputFrame::default() };
+        let mut input =
+            InputFrame { time_s: now, step_s: self.script.step, camera: Some(self.camera_at(now)), ..InputFrame::default() };
         for i in 0..self.script.actions.len() {
             let at = self.script.actions[i].at;
             // a hair of tolerance, so that 0.5 s is frame 45 of 90 however the step was rounded

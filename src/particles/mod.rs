@@ -27,6 +27,7 @@ pub use poisson::{PoissonScratch, sample, sample_count, sample_with};
 pub use quality::{SampleQuality, sample_quality};
 pub use settings::{ParticleSettings, SettingsError, WoundSettings};
 pub use strips::{LipSide, Strip, StripError, Strips, StripsDelta, WoundMark};
+pub use wound::release_slit;
 
 #[cfg(test)]
 mod update_tests;

@@ -46,6 +46,8 @@ pub struct WoundSettings {
     /// Weight of a wound particle over that of an ordinary one at the same fraction of its radius: above 1, so that the
     /// lip follows its wound particles and not the resting ones behind it.
     pub strength: f64,
+    /// How far behind an advancing blade the slit stays closed, metres; it opens there once the blade has left.
+    pub front: f64,
     /// Most wound particles of one slit; none are added beyond it.
     pub max_particles: usize,
 }
@@ -107,6 +109,7 @@ impl ParticleSettings {
             ("wound spacing", wound.spacing, false),
             ("wound radius", wound.radius, false),
             ("wound strength", wound.strength, false),
+            ("wound front", wound.front, true),
         ] {
             if !value.is_finite() || value < 0.0 || (value == 0.0 && !may_be_zero) {
                 return Err(SettingsError::NotPositive { name, value });
@@ -159,7 +162,8 @@ impl ParticleSettings {
 impl WoundSettings {
     /// Defaults for a particle spacing and a radius of influence: a gap of a third of the spacing.
     pub fn for_spacing(spacing: f64, radius: f64) -> Self {
-        Self { gap: spacing / 3.0, spacing: 0.5 * spacing, radius, strength: 6.0, max_particles: 64 }
+        let radius = radius.min(0.9 * spacing);
+        Self { gap: spacing / 3.0, spacing: 0.35 * spacing, radius, strength: 6.0, front: radius, max_particles: 128 }
     }
 }
 

@@ -2,11 +2,14 @@
 //!
 //! They sit on lip vertices at even distances along the slit and rest displaced along the strip's normal, away from the
 //! slit. The displacement follows an ellipse over the slit's length, so the wound is a lens that is closed at both ends;
-//! it is set anew for the whole slit whenever the slit grows.
+//! it is set anew for the whole slit whenever the slit grows. Near an advancing blade it stays closed, so that the blade
+//! goes on through skin that its own wound does not pull aside.
 
 use super::map_update::{LipVertex, Update};
+use super::particle_map::ParticleMap;
+use super::settings::WoundSettings;
 use super::strips::{Strips, WoundMark};
-use crate::geometry::VertexId;
+use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
 
 /// Widest opening over the length of the slit: a short slit opens less than the gap.
@@ -55,7 +58,8 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
             offset = end;
             k += 1;
         }
-        displace_slit(update, start, offset);
+        let open = (offset - wound.front).max(0.0);
+        displace_slit(update.map, update.strips, &wound, start, open, &mut update.report.particles_changed);
     }
 }
 
@@ -91,27 +95,45 @@ fn add_at(update: &mut Update<'_, '_>, k: usize, place: f64, side: i8, room: usi
     taken.iter().flatten().count()
 }
 
-/// Sets the rest displacements of a slit of length `total`: half the gap at its middle, an ellipse along it.
-fn displace_slit(update: &mut Update<'_, '_>, start: usize, total: f64) {
-    let half_gap = 0.5 * update.settings.wound.gap.min(GAP_OVER_LENGTH * total);
+/// Sets the rest displacements of the slit that starts at strip `start`: half the gap at the middle of its first `open`
+/// metres, an ellipse along them, and closed behind (MATHS 3.3). Appends the particles whose displacement changed.
+pub(super) fn displace_slit(
+    map: &mut ParticleMap,
+    strips: &Strips,
+    wound: &WoundSettings,
+    start: usize,
+    open: f64,
+    changed: &mut Vec<ParticleId>,
+) {
+    let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * open);
     let mut offsets = vec![0.0];
-    for k in start..update.strips.len() {
-        offsets.push(offsets[k - start] + length(update.strips, k));
+    for k in start..strips.len() {
+        offsets.push(offsets[k - start] + length(strips, k));
     }
-    for mark in slit_marks(update.strips, start) {
+    for mark in slit_marks(strips, start) {
         let (j, k) = (mark.particle.index(), mark.strip as usize);
-        if j >= update.map.len()
-            || update.map.anchors[j].is_none()
-            || update.strips.as_slice()[k].slit != update.strips.as_slice()[start].slit
-        {
+        if j >= map.len() || map.anchors[j].is_none() || strips.as_slice()[k].slit != strips.as_slice()[start].slit {
             continue;
         }
-        let x = ((offsets[k - start] + mark.along) / total).clamp(0.0, 1.0);
-        let share = (4.0 * x * (1.0 - x)).sqrt().max(LEAST_SHARE);
-        let u0 = (update.strips.geometry(k).normal() * (f64::from(mark.side) * half_gap * share)).to_array();
-        if update.map.rest_displacement[j] != u0 && u0 != [0.0; 3] {
-            update.map.rest_displacement.set(j, u0);
-            update.report.particles_changed.push(mark.particle);
+        let x = if open > 0.0 { ((offsets[k - start] + mark.along) / open).clamp(0.0, 1.0) } else { 1.0 };
+        let share = (4.0 * x * (1.0 - x)).sqrt();
+        let least = LEAST_SHARE * wound.gap;
+        let u0 = (strips.geometry(k).normal() * (f64::from(mark.side) * (half_gap * share).max(least))).to_array();
+        if map.rest_displacement[j] != u0 && u0 != [0.0; 3] {
+            map.rest_displacement.set(j, u0);
+            changed.push(mark.particle);
         }
     }
+}
+
+/// The blade has left the slit that the newest strip belongs to: it opens over its whole length, its front too. Returns the
+/// particles whose rest displacement changed.
+pub fn release_slit(map: &mut ParticleMap, strips: &Strips, wound: &WoundSettings) -> Vec<ParticleId> {
+    let mut changed = Vec::new();
+    if let Some(last) = strips.len().checked_sub(1) {
+        let start = strips.slit_start(last);
+        let total: f64 = (start..strips.len()).map(|k| length(strips, k)).sum();
+        displace_slit(map, strips, wound, start, total, &mut changed);
+    }
+    changed
 }

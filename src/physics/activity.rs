@@ -29,7 +29,8 @@ pub struct Activity {
 impl Activity {
     /// Forgets everything and makes room for `rows` rows.
     pub fn reset(&mut self, rows: usize) {
-        for list in [&mut self.disturbed, &mut self.restless, &mut self.awake, &mut self.lone, &mut self.queue, &mut self.dropped] {
+        for list in [&mut self.disturbed, &mut self.restless, &mut self.awake, &mut self.lone, &mut self.queue, &mut self.dropped]
+        {
             list.clear();
             list.reserve(rows);
         }

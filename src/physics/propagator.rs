@@ -73,11 +73,8 @@ impl Propagator {
             lost = (fast * (slow * h).exp_m1() - slow * (fast * h).exp_m1()) / gap;
         } else {
             let decay = (-half * h).exp();
-            let (cosine, sinc) = if angle < 0.5 {
-                cos_sinc_series(h * h * discriminant)
-            } else {
-                (angle.cos(), angle.sin() / angle)
-            };
+            let (cosine, sinc) =
+                if angle < 0.5 { cos_sinc_series(h * h * discriminant) } else { (angle.cos(), angle.sin() / angle) };
             sine = decay * h * sinc;
             keep = decay * cosine - half * sine;
             lost = 1.0 - decay * cosine - half * sine;
@@ -129,8 +126,12 @@ mod tests {
     fn distance(a: Propagator, b: Propagator, x: f64, h: f64) -> f64 {
         // In units of the functions' own scale: a step or a period, whichever is shorter.
         let scale = h.min(1.0 / x.sqrt());
-        let parts =
-            [(a.sine - b.sine) / scale, a.keep - b.keep, (a.force - b.force) / scale.powi(2), (a.ramp - b.ramp) / (h * scale.powi(2))];
+        let parts = [
+            (a.sine - b.sine) / scale,
+            a.keep - b.keep,
+            (a.force - b.force) / scale.powi(2),
+            (a.ramp - b.ramp) / (h * scale.powi(2)),
+        ];
         parts.into_iter().fold(0.0, |m, p| m.max(p.abs()))
     }
 

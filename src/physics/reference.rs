@@ -201,9 +201,8 @@ impl ReferenceNetwork {
                 break;
             }
         }
-        self.u = (0..v.len())
-            .map(|p| std::array::from_fn(|k| u0[p][k] + h * ((1.0 - theta) * v0[p][k] + theta * v[p][k])))
-            .collect();
+        self.u =
+            (0..v.len()).map(|p| std::array::from_fn(|k| u0[p][k] + h * ((1.0 - theta) * v0[p][k] + theta * v[p][k]))).collect();
         self.v = v;
     }
 

@@ -283,8 +283,7 @@ impl Network {
         self.quarantined_in_a_row = 0;
         self.commit_prescribed(h);
         let amplitude = REST_THRESHOLD * self.length;
-        let (speed, pull) =
-            (amplitude * self.settings.anchor_rate().sqrt(), amplitude * self.settings.anchor_rate());
+        let (speed, pull) = (amplitude * self.settings.anchor_rate().sqrt(), amplitude * self.settings.anchor_rate());
         let Self { activity, e, v, rest, displacement, order, .. } = self;
         activity.restless.clear();
         let ranges = activity.ranges.iter().flat_map(|r| r.start..r.end);

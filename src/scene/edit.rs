@@ -70,7 +70,12 @@ pub(super) struct StrokeOf {
 }
 
 /// Closes the tissue's open notes into `deltas`, and tells those who keep a mirror.
-fn note_delta(changes: &mut Option<Vec<(TissueId, Arc<TissueDelta>)>>, id: TissueId, tissue: &mut Tissue, deltas: &mut Vec<Arc<TissueDelta>>) {
+fn note_delta(
+    changes: &mut Option<Vec<(TissueId, Arc<TissueDelta>)>>,
+    id: TissueId,
+    tissue: &mut Tissue,
+    deltas: &mut Vec<Arc<TissueDelta>>,
+) {
     let delta = tissue.take_delta();
     if !delta.is_empty() {
         let delta = Arc::new(delta);
@@ -248,9 +253,7 @@ impl Scene {
         report.pieces = sides.into_iter().filter_map(|(id, side)| Some(piece_report(id, self.tissues.get(&id)?, side))).collect();
         if report.kind == "cut" {
             let key = |p: &PieceReport| (std::cmp::Reverse(p.side), p.lowest_origin);
-            report.pieces.sort_by(|a, b| {
-                b.side.cmp(&a.side).then(b.area.total_cmp(&a.area)).then(key(a).cmp(&key(b)))
-            });
+            report.pieces.sort_by(|a, b| b.side.cmp(&a.side).then(b.area.total_cmp(&a.area)).then(key(a).cmp(&key(b))));
         }
     }
 }

@@ -9,8 +9,8 @@ pub use edit::EditCommand;
 pub use report::{EditReport, Outcome, PieceReport};
 
 use crate::geometry::StateHash;
-use crate::surgery::{Sampling, TearBox};
 use crate::surgery::plane_cut::PlaneCutScratch;
+use crate::surgery::{Sampling, TearBox};
 use crate::tissue::{Tissue, TissueDelta};
 use grab::Grab;
 use history::History;

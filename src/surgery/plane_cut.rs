@@ -54,7 +54,12 @@ pub struct PlaneCutScratch {
 
 /// Cuts `mesh` along `plane` in place. `position` gives final positions of live vertices (what the user sees). The mesh is
 /// untouched when the plane misses it or only grazes it.
-pub fn plane_cut(mesh: &mut Mesh, plane: &Plane, position: impl Fn(VertexId) -> DVec3, scratch: &mut PlaneCutScratch) -> PlaneCutOutcome {
+pub fn plane_cut(
+    mesh: &mut Mesh,
+    plane: &Plane,
+    position: impl Fn(VertexId) -> DVec3,
+    scratch: &mut PlaneCutScratch,
+) -> PlaneCutOutcome {
     let mut outcome = PlaneCutOutcome { faces_visited: mesh.face_count(), ..Default::default() };
     if !classify(mesh, plane, &position, scratch) {
         return outcome;
@@ -113,7 +118,12 @@ impl<P: Fn(VertexId) -> DVec3> Sides<'_, P> {
     }
 }
 
-fn split_faces(mesh: &mut Mesh, position: &impl Fn(VertexId) -> DVec3, scratch: &mut PlaneCutScratch, outcome: &mut PlaneCutOutcome) {
+fn split_faces(
+    mesh: &mut Mesh,
+    position: &impl Fn(VertexId) -> DVec3,
+    scratch: &mut PlaneCutScratch,
+    outcome: &mut PlaneCutOutcome,
+) {
     scratch.removed.clear();
     scratch.added.clear();
     scratch.edge_points.clear();
@@ -142,7 +152,8 @@ fn split_face(
     let (corners, wedges, info) = (mesh.face(f), mesh.face_wedges(f), mesh.face_info(f));
     // start at the corner that is alone on its side, or at the one on the plane
     let sign = |k: usize| (values[k] > 0.0) as i32 - (values[k] < 0.0) as i32;
-    let apex = (0..3).find(|&k| sign(k) == 0).or_else(|| (0..3).find(|&k| sign(k) != sign((k + 1) % 3) && sign(k) != sign((k + 2) % 3)));
+    let apex =
+        (0..3).find(|&k| sign(k) == 0).or_else(|| (0..3).find(|&k| sign(k) != sign((k + 1) % 3) && sign(k) != sign((k + 2) % 3)));
     let Some(i) = apex else { return };
     let (j, k) = ((i + 1) % 3, (i + 2) % 3);
     let mut crossing = |mesh: &mut Mesh, scratch: &mut PlaneCutScratch, a: usize, b: usize| {
@@ -233,13 +244,22 @@ fn open_edges_on_plane<P: Fn(VertexId) -> DVec3>(mesh: &mut Mesh, incident: &[Fa
 }
 
 /// Gives each side its own copy of the vertices on the plane.
-fn split_vertices(mesh: &mut Mesh, position: &impl Fn(VertexId) -> DVec3, scratch: &mut PlaneCutScratch, outcome: &mut PlaneCutOutcome) {
+fn split_vertices(
+    mesh: &mut Mesh,
+    position: &impl Fn(VertexId) -> DVec3,
+    scratch: &mut PlaneCutScratch,
+    outcome: &mut PlaneCutOutcome,
+) {
     scratch.incident.extend_from_slice(&outcome.added_faces);
     scratch.split.clear();
     mesh.split_fans(&scratch.on_plane, &scratch.incident, &mut scratch.topology, &mut scratch.split);
     let first_new = scratch.values.len();
     for split in &scratch.split {
-        let position = if split.from.index() < first_new { position(split.from) } else { outcome.new_vertices[split.from.index() - first_new].position };
+        let position = if split.from.index() < first_new {
+            position(split.from)
+        } else {
+            outcome.new_vertices[split.from.index() - first_new].position
+        };
         let parents = [(split.from, 1.0), (VertexId::NONE, 0.0), (VertexId::NONE, 0.0)];
         outcome.new_vertices.push(NewVertex { vertex: split.vertex, parents, parent_count: 1, position });
     }

@@ -147,8 +147,15 @@ impl Region {
                     continue;
                 }
                 let quality = self.quality(a, b, c);
-                let blocked = quality > 0.0 && ring.iter().any(|&p| p != a && p != b && p != c && self.in_closed_triangle(p, a, b, c));
-                let score = if blocked { quality - 10.0 } else if quality > 0.0 { quality } else { quality - 5.0 };
+                let blocked =
+                    quality > 0.0 && ring.iter().any(|&p| p != a && p != b && p != c && self.in_closed_triangle(p, a, b, c));
+                let score = if blocked {
+                    quality - 10.0
+                } else if quality > 0.0 {
+                    quality
+                } else {
+                    quality - 5.0
+                };
                 if score > best.0 {
                     best = (score, i);
                 }
@@ -251,7 +258,13 @@ mod tests {
     }
 
     fn area(region: &Region) -> f64 {
-        region.triangles.iter().map(|t| orient2d(region.points[t[0] as usize].at, region.points[t[1] as usize].at, region.points[t[2] as usize].at) / 2.0).sum()
+        region
+            .triangles
+            .iter()
+            .map(|t| {
+                orient2d(region.points[t[0] as usize].at, region.points[t[1] as usize].at, region.points[t[2] as usize].at) / 2.0
+            })
+            .sum()
     }
 
     /// Every directed edge occurs once, and those without a partner are the region's boundary.

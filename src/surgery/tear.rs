@@ -3,8 +3,8 @@
 //! Stages: values of the candidate faces' corners, clip each face, insert vertices on edges and in faces, second pass over
 //! neighbours across split edges, retriangulate, replace, split vertices left with several fans. No vertex is moved.
 
-use super::clip::{Carrier, ClippedFace, MAX_PLANES, PlaneValues, Point, point_sign, point_weights};
 use super::boxes::Side;
+use super::clip::{Carrier, ClippedFace, MAX_PLANES, PlaneValues, Point, point_sign, point_weights};
 use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker};
 use super::region::{Region, RegionPoint};
 use crate::geometry::{FaceId, FaceInfo, HalfEdge, Mesh, NewFace, Plane, SplitVertex, TopologyScratch, VertexId, WedgeId};
@@ -166,7 +166,14 @@ impl TearScratch {
         slot
     }
 
-    fn clip_candidates(&mut self, mesh: &Mesh, body: &Body, candidates: &[FaceId], position: &impl Fn(VertexId) -> DVec3, tags: &[OnPlanes]) {
+    fn clip_candidates(
+        &mut self,
+        mesh: &Mesh,
+        body: &Body,
+        candidates: &[FaceId],
+        position: &impl Fn(VertexId) -> DVec3,
+        tags: &[OnPlanes],
+    ) {
         for &face in candidates {
             let slots = mesh.face(face).map(|v| self.slot(v, body, position, tags));
             let corners = slots.map(|s| self.positions[s]);
@@ -280,7 +287,15 @@ impl TearScratch {
     }
 
     /// The region's index of a polygon point; a point inside the face becomes a new vertex.
-    fn local_of(&mut self, mesh: &mut Mesh, face: FaceId, point: Point, frame: &[[f64; 2]; 3], slots: [usize; 3], out: &mut TearStep) -> u16 {
+    fn local_of(
+        &mut self,
+        mesh: &mut Mesh,
+        face: FaceId,
+        point: Point,
+        frame: &[[f64; 2]; 3],
+        slots: [usize; 3],
+        out: &mut TearStep,
+    ) -> u16 {
         let corners = mesh.face(face);
         match point {
             Point::Corner(c) => u16::from(c),
@@ -375,9 +390,11 @@ impl TearScratch {
         let position = old.unwrap_or_else(|| self.positions[self.slot[split.from.index()] as usize]);
         let parents = [(split.from, 1.0), (VertexId::NONE, 0.0), (VertexId::NONE, 0.0)];
         out.new_vertices.push(NewVertex { vertex: split.vertex, parents, parent_count: 1, position });
-        let copied: Vec<LipPoint> = out.lips.iter().filter(|l| l.vertex == split.from).map(|l| LipPoint { vertex: split.vertex, ..*l }).collect();
+        let copied: Vec<LipPoint> =
+            out.lips.iter().filter(|l| l.vertex == split.from).map(|l| LipPoint { vertex: split.vertex, ..*l }).collect();
         out.lips.extend(copied);
-        let copied: Vec<OnPlanes> = self.zero.iter().filter(|z| z.vertex == split.from).map(|z| OnPlanes { vertex: split.vertex, ..*z }).collect();
+        let copied: Vec<OnPlanes> =
+            self.zero.iter().filter(|z| z.vertex == split.from).map(|z| OnPlanes { vertex: split.vertex, ..*z }).collect();
         self.zero.extend(copied);
     }
 }

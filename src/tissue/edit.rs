@@ -66,7 +66,8 @@ impl Tissue {
         let old_len = layer.map.influences.rows();
         let untouched = layer.map.influences.clone();
         let scratch = &mut self.scratch.update;
-        let report = update_after_edit(&self.mesh, &self.rest, &mut layer.map, &mut layer.strips, &edit, &layer.settings, scratch);
+        let report =
+            update_after_edit(&self.mesh, &self.rest, &mut layer.map, &mut layer.strips, &edit, &layer.settings, scratch);
         layer.network.set_topology(&topology(&layer.map), None);
         let displaced = |row: &[Influence]| -> DVec3 {
             row.iter().map(|i| layer.displacements()[i.particle.index()] * f64::from(i.weight)).sum()
@@ -78,7 +79,8 @@ impl Tissue {
             .map(|&v| (v, displaced(untouched.row(v.index())) - displaced(layer.map.influences.row(v.index()))))
             .collect();
         let inserted = new.iter().map(|n| (n.vertex, n.position));
-        let targets: Vec<(VertexId, DVec3)> = moved.into_iter().map(|(v, by)| (v, self.position(v) + by)).chain(inserted).collect();
+        let targets: Vec<(VertexId, DVec3)> =
+            moved.into_iter().map(|(v, by)| (v, self.position(v) + by)).chain(inserted).collect();
         self.fade_from(targets.into_iter());
         report
     }

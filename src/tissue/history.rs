@@ -113,7 +113,7 @@ impl Tissue {
     /// Every vertex of a section lies in the section's posed bounds.
     fn validate_sections(&self) -> Result<(), String> {
         let mut sections = self.sections.clone();
-        let margin = DVec3::splat(1e-9 * self.diagonal);
+        let margin = DVec3::splat(super::sections::SECTION_MARGIN * self.diagonal);
         let posed = sections.posed(&self.pose, u64::MAX - 1);
         for f in self.mesh.live_faces() {
             let (low, high) = posed[self.mesh.face_info(f).section.index()];

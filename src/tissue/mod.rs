@@ -144,7 +144,10 @@ pub struct TissueDelta {
 impl TissueDelta {
     /// True if nothing changed.
     pub fn is_empty(&self) -> bool {
-        self.mesh.is_empty() && self.rows.rest_position.is_empty() && self.map.anchors.is_empty() && self.map.influences.is_empty()
+        self.mesh.is_empty()
+            && self.rows.rest_position.is_empty()
+            && self.map.anchors.is_empty()
+            && self.map.influences.is_empty()
     }
 }
 
@@ -206,8 +209,7 @@ impl Tissue {
     }
 
     fn build_sections(&mut self) {
-        let (count, section) =
-            crate::geometry::sections::cluster_faces(&self.mesh, |v| self.rest[v.index()], self.section_faces);
+        let (count, section) = crate::geometry::sections::cluster_faces(&self.mesh, |v| self.rest[v.index()], self.section_faces);
         self.mesh.assign_sections(count, &section);
         self.sections = SectionBounds::build(&self.mesh, &self.rows);
     }
@@ -326,7 +328,10 @@ impl Tissue {
 
     /// Bounds of all live vertices' final positions, tissue space.
     pub fn bounds(&self) -> (DVec3, DVec3) {
-        self.mesh.live_vertices().map(|v| self.position(v)).fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
+        self.mesh
+            .live_vertices()
+            .map(|v| self.position(v))
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
     }
 
     /// Holds exactly these particles at these displacements (tissue space, metres) until the next call; the particles around
@@ -356,7 +361,11 @@ impl Tissue {
         rest_displacements.clear();
         for p in 0..layer.map.len() {
             let (u0, anchor) = (DVec3::from_array(layer.map.rest_displacement[p]), layer.map.anchors[p]);
-            let mut rest = if u0 == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { self.pose.blended_linear(&self.rows, anchor) * u0 };
+            let mut rest = if u0 == DVec3::ZERO || anchor.is_none() {
+                DVec3::ZERO
+            } else {
+                self.pose.blended_linear(&self.rows, anchor) * u0
+            };
             if !followed.is_empty() && anchor.is_some() {
                 rest += target(self.pose.skin(&self.rows, anchor), &followed, layer.settings.spacing);
             }

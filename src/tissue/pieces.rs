@@ -1,10 +1,10 @@
 //! Taking a tissue apart into connected pieces (MATHS 6). A piece copies the base parents that its rows use.
 
 use super::{SoftLayer, Tissue, topology};
+use crate::geometry::SlotCsr;
 use crate::geometry::{Components, Extraction, FaceId, TopologyScratch, VertexId};
 use crate::physics::Network;
 use crate::rig::{Fades, RowEntry, VertexRows};
-use crate::geometry::SlotCsr;
 use glam::DVec3;
 
 impl Tissue {

@@ -12,6 +12,9 @@ struct JointBounds {
     max: DVec3,
 }
 
+/// Bounds are widened by this fraction of the diagonal: bone weights are f32 and sum to 1 only to about 1e-7.
+pub(super) const SECTION_MARGIN: f64 = 1e-6;
+
 const STATIC: u32 = u32::MAX;
 
 /// Bounds of every section, joint by joint at rest, and posed when asked for.

@@ -3,7 +3,7 @@
 use super::Tissue;
 use crate::diagnostics::Stages;
 use crate::geometry::{FaceId, Plane, VertexId};
-use crate::particles::{LipVertex, MapUpdateReport};
+use crate::particles::{LipVertex, MapUpdateReport, release_slit};
 use crate::surgery::clip::MAX_PLANES;
 use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
 use crate::surgery::{BladePose, EntryPoint, Sampling, Side, Stroke, TearBox, TearSegment};
@@ -92,6 +92,9 @@ impl TearStroke {
         let surface = |tip, base| entry(tissue, tip, base);
         self.stroke.release(&surface, &mut self.segments);
         self.tear_segments(tissue);
+        if let Some(layer) = tissue.layer.as_mut().filter(|l| self.has_torn() && l.strips.next_slit() > self.slit) {
+            release_slit(&mut layer.map, &layer.strips, &layer.settings.wound);
+        }
         self.tags.clear();
         self.last = None;
     }

@@ -1,6 +1,7 @@
 //! Casting a blade at the tissue as the user sees it, section by section.
 
 use super::Tissue;
+use super::sections::SECTION_MARGIN;
 use crate::geometry::{FaceId, SectionId, VertexId};
 use glam::DVec3;
 
@@ -32,7 +33,7 @@ impl Tissue {
 
     /// How far particles and fades may carry a vertex along each axis: (towards high, towards low), metres (MATHS 5.8).
     fn widening(&self) -> (DVec3, DVec3) {
-        let margin = DVec3::splat(1e-9 * self.diagonal);
+        let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
         let (mut high, mut low) = (margin, margin);
         if let Some(layer) = &self.layer {
             let (mut u_high, mut u_low) = (DVec3::ZERO, DVec3::ZERO);

@@ -13,7 +13,13 @@ pub struct Solid {
 
 impl Solid {
     pub fn new(positions: Vec<DVec3>, faces: Vec<[u32; 3]>) -> Self {
-        let wedge = |v: usize| Wedge { vertex: VertexId::new(v), group: WedgeId::new(v), uv: [0.0; 2], normal: [0.0, 0.0, 1.0], colour: u32::MAX };
+        let wedge = |v: usize| Wedge {
+            vertex: VertexId::new(v),
+            group: WedgeId::new(v),
+            uv: [0.0; 2],
+            normal: [0.0, 0.0, 1.0],
+            colour: u32::MAX,
+        };
         let wedges = (0..positions.len()).map(wedge).collect();
         let ids = faces.iter().map(|f| f.map(VertexId)).collect();
         let corners = faces.iter().map(|f| f.map(WedgeId)).collect();
@@ -24,7 +30,8 @@ impl Solid {
     /// An octahedron split `levels` times and blown up to a sphere of `radius`.
     pub fn sphere(radius: f64, levels: usize) -> Self {
         let mut positions = vec![DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z];
-        let mut faces: Vec<[u32; 3]> = vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
+        let mut faces: Vec<[u32; 3]> =
+            vec![[0, 2, 4], [2, 1, 4], [1, 3, 4], [3, 0, 4], [2, 0, 5], [1, 2, 5], [3, 1, 5], [0, 3, 5]];
         for _ in 0..levels {
             let mut middles = std::collections::BTreeMap::new();
             let mut next = Vec::new();
@@ -64,7 +71,11 @@ impl Solid {
                             })
                         };
                         let q = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
-                        let (a, b) = if side == n { ([q[0], q[1], q[2]], [q[0], q[2], q[3]]) } else { ([q[0], q[2], q[1]], [q[0], q[3], q[2]]) };
+                        let (a, b) = if side == n {
+                            ([q[0], q[1], q[2]], [q[0], q[2], q[3]])
+                        } else {
+                            ([q[0], q[2], q[1]], [q[0], q[3], q[2]])
+                        };
                         faces.extend([a, b]);
                     }
                 }
