@@ -100,10 +100,10 @@ impl Activity {
         for _ in 0..reach {
             while at < ring_end {
                 for other in matrix.neighbours(self.queue[at] as usize) {
-                    let stamp = &mut self.stamps[*other as usize];
+                    let stamp = &mut self.stamps[other as usize];
                     if *stamp != self.stamp {
                         *stamp = self.stamp;
-                        self.queue.push(*other);
+                        self.queue.push(other);
                     }
                 }
                 at += 1;

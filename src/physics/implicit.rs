@@ -6,7 +6,7 @@
 //! (Alexander 1977), or without any damping by the midpoint rule, which keeps the energy. Taking a network's decay from the
 //! method instead would leave 4 % of the amplitude after one step of h omega = 100 where the law leaves 5e-5.
 
-use super::matrix::{Matrix, Pair};
+use super::matrix::{Lanes, Matrix, Pair};
 use super::propagator::Propagator;
 use std::ops::Range;
 
@@ -16,7 +16,7 @@ const MAX_ITERATIONS: usize = 600;
 /// Wanted residual relative to the right-hand side.
 const TOLERANCE: f64 = 1e-12;
 
-type Vector = Vec<[f64; 3]>;
+type Vector = Vec<Lanes>;
 
 /// Work space of the implicit step.
 #[derive(Clone, Debug, Default)]
@@ -43,9 +43,9 @@ pub struct ImplicitInput<'a> {
     /// Velocity and acceleration (damping set aside).
     pub state: &'a [Pair],
     /// Rate of change of the acceleration over the step, if any.
-    pub ramp: Option<&'a [[f64; 3]]>,
+    pub ramp: Option<&'a [Lanes]>,
     /// Displacement from rest: where the search for the equilibrium starts.
-    pub e: &'a [[f64; 3]],
+    pub e: &'a [Lanes],
     /// Damping rate `c`, 1/s.
     pub damping: f64,
     /// Slowest decay rate of any mode `s`, 1/s.
@@ -94,15 +94,16 @@ fn scalar_step(angle: f64, extra: f64, undamped: bool) -> (f64, f64) {
 }
 
 /// Writes displacement change and new velocity of each row of the ranges into `result`; returns the solver's iterations.
+#[inline(always)]
 pub fn implicit_step(input: &ImplicitInput, scratch: &mut ImplicitScratch, result: &mut [Pair]) -> usize {
     let ImplicitInput { ranges, state, step: h, damping, decay: s, .. } = *input;
     scratch.resize(state.len());
     let mut iterations = particular(input, scratch);
     let ImplicitScratch { offset, slope, y, w, .. } = scratch;
     for row in rows(ranges) {
-        for k in 0..3 {
+        for k in 0..4 {
             y[row][k] = -offset[row][k];
-            w[row][k] = state[row].0[k] - slope[row][k] + s * y[row][k];
+            w[row][k] = state[row].first[k] - slope[row][k] + s * y[row][k];
         }
     }
     iterations += if damping == 0.0 { midpoint(input, scratch) } else { sdirk(input, scratch) };
@@ -111,12 +112,13 @@ pub fn implicit_step(input: &ImplicitInput, scratch: &mut ImplicitScratch, resul
     for row in rows(ranges) {
         let change = std::array::from_fn(|k| offset[row][k] + h * slope[row][k] + left * y[row][k]);
         let velocity = std::array::from_fn(|k| slope[row][k] + left * (w[row][k] - s * y[row][k]));
-        result[row] = Pair::new(change, velocity);
+        result[row] = Pair { first: change, second: velocity };
     }
     iterations
 }
 
 /// The particular solution `offset + slope t` of `d'' + c d' + A d = r + q t`: `A slope = q`, `A offset = r - c slope`.
+#[inline(always)]
 fn particular(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     let ImplicitInput { ranges, state, ramp, e, damping, .. } = *input;
     let mut iterations = 0;
@@ -127,8 +129,8 @@ fn particular(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
         iterations += solve(input, (0.0, 1.0), scratch, |s| &mut s.slope);
     }
     for row in rows(ranges) {
-        for k in 0..3 {
-            scratch.right[row][k] = state[row].0[3 + k] - damping * scratch.slope[row][k];
+        for k in 0..4 {
+            scratch.right[row][k] = state[row].second[k] - damping * scratch.slope[row][k];
             // Without forces and grabs the equilibrium is e = 0: the guess is the answer.
             scratch.offset[row][k] = -e[row][k];
         }
@@ -137,11 +139,12 @@ fn particular(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
 }
 
 /// The undamped midpoint rule on (y, w).
+#[inline(always)]
 fn midpoint(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     let ImplicitInput { ranges, step: h, .. } = *input;
     let ImplicitScratch { y, w, right, offset, .. } = scratch;
     for row in rows(ranges) {
-        for k in 0..3 {
+        for k in 0..4 {
             right[row][k] = 2.0 * y[row][k] + h * w[row][k];
             // y becomes the sum of old and new; -offset still holds the old.
             y[row][k] = offset[row][k];
@@ -150,7 +153,7 @@ fn midpoint(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     let iterations = solve(input, (1.0, 0.25 * h * h), scratch, |s| &mut s.y);
     let ImplicitScratch { y, w, offset, .. } = scratch;
     for row in rows(ranges) {
-        for k in 0..3 {
+        for k in 0..4 {
             let old = -offset[row][k];
             y[row][k] -= old;
             w[row][k] = 2.0 * (y[row][k] - old) / h - w[row][k];
@@ -160,6 +163,7 @@ fn midpoint(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
 }
 
 /// The L-stable two-stage SDIRK method on (y, w).
+#[inline(always)]
 fn sdirk(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     let ImplicitInput { ranges, step: h, damping, decay, .. } = *input;
     let (reach, extra) = (GAMMA * h, damping - 2.0 * decay);
@@ -171,7 +175,7 @@ fn sdirk(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     for stage in 0..2 {
         let ImplicitScratch { y, w, right, .. } = scratch;
         for row in rows(ranges) {
-            for k in 0..3 {
+            for k in 0..4 {
                 right[row][k] = own * y[row][k] + reach * w[row][k];
             }
         }
@@ -179,7 +183,7 @@ fn sdirk(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
         iterations += solve(input, shift, scratch, |s| &mut s.y);
         let ImplicitScratch { y, w, right, .. } = scratch;
         for row in rows(ranges) {
-            for k in 0..3 {
+            for k in 0..4 {
                 let start = (right[row][k] - reach * w[row][k]) / own;
                 let start_w = w[row][k];
                 let stage_w = (y[row][k] - start) / reach;
@@ -195,6 +199,7 @@ fn sdirk(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     iterations
 }
 
+#[inline(always)]
 fn rows(ranges: &[Range<u32>]) -> impl Iterator<Item = usize> + '_ {
     ranges.iter().flat_map(|r| r.start as usize..r.end as usize)
 }
@@ -204,13 +209,14 @@ impl ImplicitScratch {
         let Self { residual, search, image, right, offset, slope, y, w } = self;
         for vector in [residual, search, image, right, offset, slope, y, w] {
             vector.clear();
-            vector.resize(rows, [0.0; 3]);
+            vector.resize(rows, [0.0; 4]);
         }
     }
 }
 
 /// Solves `(alpha + beta A) x = right` by conjugate gradients in the mass inner product, preconditioned by the diagonal,
 /// the three components side by side. `x` enters as the guess.
+#[inline(always)]
 fn solve(
     input: &ImplicitInput,
     (alpha, beta): (f64, f64),
@@ -221,10 +227,10 @@ fn solve(
     let mut x = std::mem::take(unknown(scratch));
     let ImplicitScratch { residual, search, image, right, .. } = scratch;
     let inverse = |row: usize| 1.0 / (alpha + beta * matrix.diagonal(row));
-    let (mut goal, mut rho) = ([0.0; 3], [0.0; 3]);
+    let (mut goal, mut rho) = ([0.0; 4], [0.0; 4]);
     for row in rows(ranges) {
         let a = matrix.apply_row(row, &x);
-        for k in 0..3 {
+        for k in 0..4 {
             residual[row][k] = right[row][k] - alpha * x[row][k] - beta * a[k];
             search[row][k] = inverse(row) * residual[row][k];
             goal[k] += masses[row] * inverse(row) * right[row][k].powi(2);
@@ -233,30 +239,30 @@ fn solve(
     }
     let goal = goal.map(|g| g * TOLERANCE * TOLERANCE);
     let mut iterations = 0;
-    while iterations < MAX_ITERATIONS && (0..3).any(|k| rho[k] > goal[k]) {
+    while iterations < MAX_ITERATIONS && (0..4).any(|k| rho[k] > goal[k]) {
         iterations += 1;
-        let mut curvature = [0.0; 3];
+        let mut curvature = [0.0; 4];
         for row in rows(ranges) {
             let a = matrix.apply_row(row, search);
-            for k in 0..3 {
+            for k in 0..4 {
                 image[row][k] = alpha * search[row][k] + beta * a[k];
                 curvature[k] += masses[row] * search[row][k] * image[row][k];
             }
         }
-        let length: [f64; 3] = std::array::from_fn(|k| if curvature[k] > 0.0 { rho[k] / curvature[k] } else { 0.0 });
-        let mut next = [0.0; 3];
+        let length: Lanes = std::array::from_fn(|k| if curvature[k] > 0.0 { rho[k] / curvature[k] } else { 0.0 });
+        let mut next = [0.0; 4];
         for row in rows(ranges) {
             let scale = inverse(row);
-            for k in 0..3 {
+            for k in 0..4 {
                 x[row][k] += length[k] * search[row][k];
                 residual[row][k] -= length[k] * image[row][k];
                 next[k] += masses[row] * scale * residual[row][k].powi(2);
             }
         }
-        let turn: [f64; 3] = std::array::from_fn(|k| if rho[k] > 0.0 { next[k] / rho[k] } else { 0.0 });
+        let turn: Lanes = std::array::from_fn(|k| if rho[k] > 0.0 { next[k] / rho[k] } else { 0.0 });
         for row in rows(ranges) {
             let scale = inverse(row);
-            for k in 0..3 {
+            for k in 0..4 {
                 search[row][k] = scale * residual[row][k] + turn[k] * search[row][k];
             }
         }
@@ -264,7 +270,7 @@ fn solve(
     }
     // The vectors that the passes read must be zero in held rows.
     for row in rows(ranges) {
-        search[row] = [0.0; 3];
+        search[row] = [0.0; 4];
     }
     *unknown(scratch) = x;
     iterations
