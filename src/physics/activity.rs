@@ -29,7 +29,8 @@ pub struct Activity {
 impl Activity {
     /// Forgets everything and makes room for `rows` rows.
     pub fn reset(&mut self, rows: usize) {
-        for list in [&mut self.disturbed, &mut self.restless, &mut self.awake, &mut self.lone, &mut self.queue, &mut self.dropped] {
+        for list in [&mut self.disturbed, &mut self.restless, &mut self.awake, &mut self.lone, &mut self.queue, &mut self.dropped]
+        {
             list.clear();
             list.reserve(rows);
         }
@@ -137,6 +138,12 @@ impl Activity {
                 _ => self.ranges.push(row32..row32 + 1),
             }
         }
+    }
+
+    /// Heap capacities, in elements: unchanged by a steady step.
+    #[cfg(test)]
+    pub fn capacities(&self) -> [usize; 5] {
+        [&self.disturbed, &self.restless, &self.awake, &self.lone, &self.queue].map(Vec::capacity)
     }
 
     /// Rows in [`Self::ranges`].

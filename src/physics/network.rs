@@ -4,7 +4,7 @@
 //! displacement from rest, on which the springs act (MATHS 3.3, 4.1).
 
 use super::activity::Activity;
-use super::matrix::{Lanes, Matrix};
+use super::matrix::{Lanes, Matrix, add_scaled};
 use super::settings::{NetworkSettings, SettingsError};
 use super::topology::NetworkTopology;
 use crate::geometry::{ParticleId, StateHash};
@@ -19,7 +19,7 @@ pub const REST_THRESHOLD: f64 = 1e-6;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grab {
     pub row: u32,
-    pub target: [f64; 3],
+    pub target: Lanes,
 }
 
 /// Particles on springs: `M u'' + c M u' + (K_anchor + L)(u - u0) = F` (MATHS 4.1).
@@ -143,7 +143,7 @@ impl Network {
         self.matrix.set_rows(topology, &self.order, &self.row_of, &by_particle);
         self.refresh_stiffness();
         self.rename_rows(&old, n);
-        self.displacement = (0..n).map(|p| self.displacement_of_row(self.row_of[p] as usize)).collect();
+        self.displacement = (0..n).map(|p| unpadded(&self.u(self.row_of[p] as usize)).into()).collect();
         self.disturb_unrested();
     }
 
@@ -186,8 +186,9 @@ impl Network {
         }
     }
 
-    pub(super) fn displacement_of_row(&self, row: usize) -> [f64; 3] {
-        std::array::from_fn(|k| self.e[row][k] + self.rest[row][k])
+    /// `u` of a row.
+    pub(super) fn u(&self, row: usize) -> Lanes {
+        add_scaled(&self.e[row], 1.0, &self.rest[row])
     }
 
     /// The row of a particle, if there is one and all of `inputs` are finite and of sane size; else counts a refusal.
@@ -289,7 +290,7 @@ impl Network {
             if std::mem::replace(&mut self.held[row], true) {
                 continue;
             }
-            self.grabs.push(Grab { row: row as u32, target: (*target).into() });
+            self.grabs.push(Grab { row: row as u32, target: padded(*target) });
             if DVec3::from(self.displacement[particle.0 as usize]) != *target || self.v[row] != [0.0; 4] {
                 self.activity.disturb(row as u32);
             }
@@ -343,9 +344,9 @@ impl Network {
         let mut energy = 0.0;
         for row in 0..self.e.len() {
             let pull = self.matrix.apply_row(row, &self.e);
-            for k in 0..3 {
+            for (k, pull) in pull.iter().enumerate() {
                 let (e, v, mass) = (self.e[row][k], self.v[row][k], self.masses[row]);
-                energy += 0.5 * mass * (v * v + pull[k] * e) - self.force[row][k] * e;
+                energy += 0.5 * mass * (v * v + pull * e) - self.force[row][k] * e;
             }
         }
         energy

@@ -73,11 +73,8 @@ impl Propagator {
             lost = (fast * (slow * h).exp_m1() - slow * (fast * h).exp_m1()) / gap;
         } else {
             let decay = (-half * h).exp();
-            let (cosine, sinc) = if angle < 0.5 {
-                cos_sinc_series(h * h * discriminant)
-            } else {
-                (angle.cos(), angle.sin() / angle)
-            };
+            let (cosine, sinc) =
+                if angle < 0.5 { cos_sinc_series(h * h * discriminant) } else { (angle.cos(), angle.sin() / angle) };
             sine = decay * h * sinc;
             keep = decay * cosine - half * sine;
             lost = 1.0 - decay * cosine - half * sine;
@@ -129,8 +126,12 @@ mod tests {
     fn distance(a: Propagator, b: Propagator, x: f64, h: f64) -> f64 {
         // In units of the functions' own scale: a step or a period, whichever is shorter.
         let scale = h.min(1.0 / x.sqrt());
-        let parts =
-            [(a.sine - b.sine) / scale, a.keep - b.keep, (a.force - b.force) / scale.powi(2), (a.ramp - b.ramp) / (h * scale.powi(2))];
+        let parts = [
+            (a.sine - b.sine) / scale,
+            a.keep - b.keep,
+            (a.force - b.force) / scale.powi(2),
+            (a.ramp - b.ramp) / (h * scale.powi(2)),
+        ];
         parts.into_iter().fold(0.0, |m, p| m.max(p.abs()))
     }
 
@@ -188,9 +189,9 @@ mod tests {
     fn twenty_seconds_of_steps_equal_one_closed_form() {
         for k in [1.0, 1e3, 1e6, 1e9] {
             for ratio in [0.0, 1e-4, 1.0, 3.0] {
-                for h in [1.0 / 90.0, 1.0 / 60.0, 1.0] {
+                for h in [1.0f64 / 90.0, 1.0 / 60.0, 1.0] {
                     let c = 2.0 * ratio * f64::sqrt(k);
-                    let steps = (20.0 / h as f64).round();
+                    let steps = (20.0 / h).round();
                     let p = Propagator::new(k, c, h);
                     let (mut u, mut v) = (1.0, 0.0);
                     for _ in 0..steps as usize {

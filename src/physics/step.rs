@@ -5,8 +5,8 @@
 //! step. Steps over [`MAX_STEP`] are shortened to it; a step that is not positive does nothing.
 
 use super::implicit::{self, ImplicitInput, ImplicitScratch};
-use super::matrix::{Lanes, Pair, add_scaled, blend};
-use super::network::{Network, REST_THRESHOLD};
+use super::matrix::{Lanes, Pair, add_scaled, blend, minus};
+use super::network::{Network, REST_THRESHOLD, unpadded};
 use super::propagator::Propagator;
 use super::series::{Series, SeriesKey};
 use std::ops::Range;
@@ -17,8 +17,9 @@ pub const MAX_STEP: f64 = 1.0;
 pub const SERIES_REACH: f64 = 16.0;
 /// Passes times (springs' entries + particles) that a longer series may cost: about half a millisecond.
 pub const SERIES_WORK: usize = 1_000_000;
-/// Wanted error in a second, relative, in the energy norm (MATHS 4.3 asks for 1e-3).
-pub const ERROR_PER_SECOND: f64 = 1e-3;
+/// Wanted bound of the error of a second of steps, relative, in the energy norm. A bound over all modes at once: measured as
+/// MATHS 4.3 asks (1e-3), the error is a hundredth of it (`benches/network.rs`).
+pub const ERROR_PER_SECOND: f64 = 4e-3;
 
 /// How the linked particles were moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -80,7 +81,8 @@ impl StepScratch {
 impl Network {
     /// Moves the network by `h` seconds. Never fails: see [`StepReport`]. No allocation once `scratch` has grown.
     pub fn step(&mut self, h: f64, scratch: &mut StepScratch) -> StepReport {
-        if !(h > 0.0) || self.activity.asleep() {
+        let forward = h > 0.0;
+        if !forward || self.activity.asleep() {
             return self.rest_report(h);
         }
         let h = h.min(MAX_STEP);
@@ -154,17 +156,12 @@ impl Network {
         drift.resize(self.e.len(), [0.0; 4]);
         let mut any = false;
         for row in self.moved.iter().map(|row| *row as usize) {
-            for k in 0..3 {
-                drift[row][k] = (self.rest[row][k] - self.next_rest[row][k]) / h;
-            }
+            drift[row] = minus(&self.rest[row], &self.next_rest[row]).map(|x| x / h);
             any = true;
         }
         for grab in &self.grabs {
             let row = grab.row as usize;
-            let u = self.displacement_of_row(row);
-            for k in 0..3 {
-                drift[row][k] += (grab.target[k] - u[k]) / h;
-            }
+            drift[row] = add_scaled(&drift[row], 1.0 / h, &minus(&grab.target, &self.u(row)));
             any |= drift[row] != [0.0; 4];
         }
         any
@@ -286,8 +283,7 @@ impl Network {
         self.quarantined_in_a_row = 0;
         self.commit_prescribed(h);
         let amplitude = REST_THRESHOLD * self.length;
-        let (speed, pull) =
-            (amplitude * self.settings.anchor_rate().sqrt(), amplitude * self.settings.anchor_rate());
+        let (speed, pull) = (amplitude * self.settings.anchor_rate().sqrt(), amplitude * self.settings.anchor_rate());
         let Self { activity, e, v, rest, displacement, order, .. } = self;
         activity.restless.clear();
         let ranges = activity.ranges.iter().flat_map(|r| r.start..r.end);
@@ -315,20 +311,15 @@ impl Network {
     fn commit_prescribed(&mut self, h: f64) {
         for grab in &self.grabs {
             let row = grab.row as usize;
-            let u = self.displacement_of_row(row);
-            for k in 0..3 {
-                self.v[row][k] = (grab.target[k] - u[k]) / h;
-            }
-            self.displacement[self.order[row] as usize] = grab.target;
+            self.v[row] = minus(&grab.target, &self.u(row)).map(|x| x / h);
+            self.displacement[self.order[row] as usize] = unpadded(&grab.target).into();
         }
         for row in self.moved.drain(..).map(|row| row as usize) {
             self.rest[row] = self.next_rest[row];
         }
         for grab in &self.grabs {
             let row = grab.row as usize;
-            for k in 0..3 {
-                self.e[row][k] = grab.target[k] - self.rest[row][k];
-            }
+            self.e[row] = minus(&grab.target, &self.rest[row]);
         }
     }
 
@@ -342,7 +333,7 @@ impl Network {
             let near = self.e[row].iter().all(|x| x.abs() <= amplitude);
             if near && self.force[row] == [0.0; 4] && !self.held[row] {
                 self.e[row] = [0.0; 4];
-                self.displacement[self.order[row] as usize] = self.displacement_of_row(row);
+                self.displacement[self.order[row] as usize] = unpadded(&self.u(row)).into();
             }
         }
         self.activity.awake = rows;
@@ -367,7 +358,7 @@ impl Network {
             self.force[row] = [0.0; 4];
             if reset && !self.held[row] {
                 self.e[row] = [0.0; 4];
-                self.displacement[self.order[row] as usize] = self.displacement_of_row(row);
+                self.displacement[self.order[row] as usize] = unpadded(&self.u(row)).into();
             }
         }
         let Self { activity, .. } = self;

@@ -180,7 +180,8 @@ mod tests {
         let a = NetworkTopology::from_pairs(6, pairs.into_iter());
         assert_eq!((a.particles(), a.springs()), (6, 3));
         a.validate().unwrap();
-        let rows: Vec<Vec<(u32, f32)>> = (0..6).map(|p| a.row(p).0.iter().copied().zip(a.row(p).1.iter().copied()).collect()).collect();
+        let rows: Vec<Vec<(u32, f32)>> =
+            (0..6).map(|p| a.row(p).0.iter().copied().zip(a.row(p).1.iter().copied()).collect()).collect();
         let b = NetworkTopology::from_rows(6, |p| rows[p].iter().copied());
         b.validate().unwrap();
         assert_eq!(b.springs(), 3);
