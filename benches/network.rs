@@ -88,7 +88,7 @@ fn times(criterion: &mut Criterion) {
     }
     for (particles, springs) in [(200, 1256), (20_000, 154_000)] {
         let (_, topology) = benchmark_network(particles, springs);
-        for reach in [2.0, 7.0, 15.0, 200.0] {
+        for reach in [2.0, 7.0, 15.0, 60.0, 2000.0] {
             let settings = settings_for(&topology, reach);
             let mut network = excited(&topology, settings);
             // Lasting forces: without them a long run would come to rest, and rest costs nothing.

@@ -348,6 +348,27 @@ fn sleep_costs_nothing_and_ends_at_any_touch() {
     assert!(!network.awake());
 }
 
+/// Ten minutes at 60 Hz of a beating rest displacement and a poke a second: the last beat is the tenth beat.
+#[test]
+fn ten_minutes_do_not_drift() {
+    let topology = benchmark_network(30, 120).1;
+    let mut network = Network::new(&topology, NetworkSettings { damping_ratio: 0.15, ..NetworkSettings::SOFT }, 1e-9).unwrap();
+    let mut scratch = StepScratch::default();
+    let mut snapshots = Vec::new();
+    for frame in 0..36_000 {
+        let phase = std::f64::consts::TAU * (frame % 60) as f64 / 60.0;
+        network.set_rest_displacement(ParticleId(3), DVec3::new(0.1 * phase.sin(), 0.02 * phase.cos(), 0.0));
+        let poke = if frame % 60 < 5 { DVec3::new(0.0, 0.0, 9.0) } else { DVec3::ZERO };
+        network.set_force(ParticleId(20), poke);
+        network.step(FRAME, &mut scratch);
+        if [600, 35_940, 35_950].contains(&frame) {
+            snapshots.push(network.displacements().to_vec());
+        }
+    }
+    assert!(max_difference(&snapshots[0], &snapshots[1]) < 1e-9);
+    assert!(max_difference(&snapshots[0], &snapshots[2]) > 1e-3);
+}
+
 #[test]
 fn settings_change_keeps_the_state_and_the_new_law_holds() {
     let topology = small();
