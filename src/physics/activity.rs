@@ -101,10 +101,10 @@ impl Activity {
         for _ in 0..reach {
             while at < ring_end {
                 for other in matrix.neighbours(self.queue[at] as usize) {
-                    let stamp = &mut self.stamps[*other as usize];
+                    let stamp = &mut self.stamps[other as usize];
                     if *stamp != self.stamp {
                         *stamp = self.stamp;
-                        self.queue.push(*other);
+                        self.queue.push(other);
                     }
                 }
                 at += 1;
@@ -138,6 +138,12 @@ impl Activity {
                 _ => self.ranges.push(row32..row32 + 1),
             }
         }
+    }
+
+    /// Heap capacities, in elements: unchanged by a steady step.
+    #[cfg(test)]
+    pub fn capacities(&self) -> [usize; 5] {
+        [&self.disturbed, &self.restless, &self.awake, &self.lone, &self.queue].map(Vec::capacity)
     }
 
     /// Rows in [`Self::ranges`].

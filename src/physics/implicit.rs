@@ -6,17 +6,18 @@
 //! (Alexander 1977), or without any damping by the midpoint rule, which keeps the energy. Taking a network's decay from the
 //! method instead would leave 4 % of the amplitude after one step of h omega = 100 where the law leaves 5e-5.
 
-use super::matrix::{Matrix, Pair};
+use super::matrix::{Lanes, Matrix, Pair, add_scaled};
 use super::propagator::Propagator;
 use std::ops::Range;
 
 const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// Iterations of one conjugate-gradient solve at most; what it then has is smaller than the solution, never larger.
 const MAX_ITERATIONS: usize = 600;
-/// Wanted residual relative to the right-hand side.
-const TOLERANCE: f64 = 1e-12;
+/// Wanted residual relative to the right-hand side: with damping, and without, where it is energy for ever.
+const TOLERANCE: f64 = 1e-6;
+const TOLERANCE_UNDAMPED: f64 = 1e-13;
 
-type Vector = Vec<[f64; 3]>;
+type Vector = Vec<Lanes>;
 
 /// Work space of the implicit step.
 #[derive(Clone, Debug, Default)]
@@ -29,6 +30,8 @@ pub struct ImplicitScratch {
     slope: Vector,
     y: Vector,
     w: Vector,
+    /// Inverse diagonal of the system at hand.
+    inverse: Vec<f64>,
 }
 
 /// What the implicit step reads. Vectors by row; zero in rows that are held.
@@ -43,9 +46,9 @@ pub struct ImplicitInput<'a> {
     /// Velocity and acceleration (damping set aside).
     pub state: &'a [Pair],
     /// Rate of change of the acceleration over the step, if any.
-    pub ramp: Option<&'a [[f64; 3]]>,
+    pub ramp: Option<&'a [Lanes]>,
     /// Displacement from rest: where the search for the equilibrium starts.
-    pub e: &'a [[f64; 3]],
+    pub e: &'a [Lanes],
     /// Damping rate `c`, 1/s.
     pub damping: f64,
     /// Slowest decay rate of any mode `s`, 1/s.
@@ -94,15 +97,16 @@ fn scalar_step(angle: f64, extra: f64, undamped: bool) -> (f64, f64) {
 }
 
 /// Writes displacement change and new velocity of each row of the ranges into `result`; returns the solver's iterations.
+#[inline(always)]
 pub fn implicit_step(input: &ImplicitInput, scratch: &mut ImplicitScratch, result: &mut [Pair]) -> usize {
     let ImplicitInput { ranges, state, step: h, damping, decay: s, .. } = *input;
     scratch.resize(state.len());
     let mut iterations = particular(input, scratch);
     let ImplicitScratch { offset, slope, y, w, .. } = scratch;
     for row in rows(ranges) {
-        for k in 0..3 {
+        for k in 0..4 {
             y[row][k] = -offset[row][k];
-            w[row][k] = state[row].0[k] - slope[row][k] + s * y[row][k];
+            w[row][k] = state[row].first[k] - slope[row][k] + s * y[row][k];
         }
     }
     iterations += if damping == 0.0 { midpoint(input, scratch) } else { sdirk(input, scratch) };
@@ -111,12 +115,13 @@ pub fn implicit_step(input: &ImplicitInput, scratch: &mut ImplicitScratch, resul
     for row in rows(ranges) {
         let change = std::array::from_fn(|k| offset[row][k] + h * slope[row][k] + left * y[row][k]);
         let velocity = std::array::from_fn(|k| slope[row][k] + left * (w[row][k] - s * y[row][k]));
-        result[row] = Pair::new(change, velocity);
+        result[row] = Pair { first: change, second: velocity };
     }
     iterations
 }
 
 /// The particular solution `offset + slope t` of `d'' + c d' + A d = r + q t`: `A slope = q`, `A offset = r - c slope`.
+#[inline(always)]
 fn particular(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     let ImplicitInput { ranges, state, ramp, e, damping, .. } = *input;
     let mut iterations = 0;
@@ -127,21 +132,20 @@ fn particular(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
         iterations += solve(input, (0.0, 1.0), scratch, |s| &mut s.slope);
     }
     for row in rows(ranges) {
-        for k in 0..3 {
-            scratch.right[row][k] = state[row].0[3 + k] - damping * scratch.slope[row][k];
-            // Without forces and grabs the equilibrium is e = 0: the guess is the answer.
-            scratch.offset[row][k] = -e[row][k];
-        }
+        scratch.right[row] = add_scaled(&state[row].second, -damping, &scratch.slope[row]);
+        // Without forces and grabs the equilibrium is e = 0: the guess is the answer.
+        scratch.offset[row] = e[row].map(|x| -x);
     }
     iterations + solve(input, (0.0, 1.0), scratch, |s| &mut s.offset)
 }
 
 /// The undamped midpoint rule on (y, w).
+#[inline(always)]
 fn midpoint(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     let ImplicitInput { ranges, step: h, .. } = *input;
     let ImplicitScratch { y, w, right, offset, .. } = scratch;
     for row in rows(ranges) {
-        for k in 0..3 {
+        for k in 0..4 {
             right[row][k] = 2.0 * y[row][k] + h * w[row][k];
             // y becomes the sum of old and new; -offset still holds the old.
             y[row][k] = offset[row][k];
@@ -150,7 +154,7 @@ fn midpoint(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     let iterations = solve(input, (1.0, 0.25 * h * h), scratch, |s| &mut s.y);
     let ImplicitScratch { y, w, offset, .. } = scratch;
     for row in rows(ranges) {
-        for k in 0..3 {
+        for k in 0..4 {
             let old = -offset[row][k];
             y[row][k] -= old;
             w[row][k] = 2.0 * (y[row][k] - old) / h - w[row][k];
@@ -160,6 +164,7 @@ fn midpoint(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
 }
 
 /// The L-stable two-stage SDIRK method on (y, w).
+#[inline(always)]
 fn sdirk(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     let ImplicitInput { ranges, step: h, damping, decay, .. } = *input;
     let (reach, extra) = (GAMMA * h, damping - 2.0 * decay);
@@ -171,7 +176,7 @@ fn sdirk(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     for stage in 0..2 {
         let ImplicitScratch { y, w, right, .. } = scratch;
         for row in rows(ranges) {
-            for k in 0..3 {
+            for k in 0..4 {
                 right[row][k] = own * y[row][k] + reach * w[row][k];
             }
         }
@@ -179,7 +184,7 @@ fn sdirk(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
         iterations += solve(input, shift, scratch, |s| &mut s.y);
         let ImplicitScratch { y, w, right, .. } = scratch;
         for row in rows(ranges) {
-            for k in 0..3 {
+            for k in 0..4 {
                 let start = (right[row][k] - reach * w[row][k]) / own;
                 let start_w = w[row][k];
                 let stage_w = (y[row][k] - start) / reach;
@@ -195,22 +200,25 @@ fn sdirk(input: &ImplicitInput, scratch: &mut ImplicitScratch) -> usize {
     iterations
 }
 
+#[inline(always)]
 fn rows(ranges: &[Range<u32>]) -> impl Iterator<Item = usize> + '_ {
     ranges.iter().flat_map(|r| r.start as usize..r.end as usize)
 }
 
 impl ImplicitScratch {
     fn resize(&mut self, rows: usize) {
-        let Self { residual, search, image, right, offset, slope, y, w } = self;
+        let Self { residual, search, image, right, offset, slope, y, w, inverse } = self;
+        inverse.resize(rows, 0.0);
         for vector in [residual, search, image, right, offset, slope, y, w] {
             vector.clear();
-            vector.resize(rows, [0.0; 3]);
+            vector.resize(rows, [0.0; 4]);
         }
     }
 }
 
 /// Solves `(alpha + beta A) x = right` by conjugate gradients in the mass inner product, preconditioned by the diagonal,
 /// the three components side by side. `x` enters as the guess.
+#[inline(always)]
 fn solve(
     input: &ImplicitInput,
     (alpha, beta): (f64, f64),
@@ -219,44 +227,47 @@ fn solve(
 ) -> usize {
     let ImplicitInput { matrix, ranges, masses, .. } = *input;
     let mut x = std::mem::take(unknown(scratch));
-    let ImplicitScratch { residual, search, image, right, .. } = scratch;
-    let inverse = |row: usize| 1.0 / (alpha + beta * matrix.diagonal(row));
-    let (mut goal, mut rho) = ([0.0; 3], [0.0; 3]);
+    let ImplicitScratch { residual, search, image, right, inverse, .. } = scratch;
+    for row in rows(ranges) {
+        inverse[row] = 1.0 / (alpha + beta * matrix.diagonal(row));
+    }
+    let (mut goal, mut rho) = ([0.0; 4], [0.0; 4]);
     for row in rows(ranges) {
         let a = matrix.apply_row(row, &x);
-        for k in 0..3 {
+        for k in 0..4 {
             residual[row][k] = right[row][k] - alpha * x[row][k] - beta * a[k];
-            search[row][k] = inverse(row) * residual[row][k];
-            goal[k] += masses[row] * inverse(row) * right[row][k].powi(2);
+            search[row][k] = inverse[row] * residual[row][k];
+            goal[k] += masses[row] * inverse[row] * right[row][k].powi(2);
             rho[k] += masses[row] * residual[row][k] * search[row][k];
         }
     }
-    let goal = goal.map(|g| g * TOLERANCE * TOLERANCE);
+    let tolerance = if input.damping == 0.0 { TOLERANCE_UNDAMPED } else { TOLERANCE };
+    let goal = goal.map(|g| g * tolerance * tolerance);
     let mut iterations = 0;
-    while iterations < MAX_ITERATIONS && (0..3).any(|k| rho[k] > goal[k]) {
+    while iterations < MAX_ITERATIONS && (0..4).any(|k| rho[k] > goal[k]) {
         iterations += 1;
-        let mut curvature = [0.0; 3];
+        let mut curvature = [0.0; 4];
         for row in rows(ranges) {
             let a = matrix.apply_row(row, search);
-            for k in 0..3 {
+            for k in 0..4 {
                 image[row][k] = alpha * search[row][k] + beta * a[k];
                 curvature[k] += masses[row] * search[row][k] * image[row][k];
             }
         }
-        let length: [f64; 3] = std::array::from_fn(|k| if curvature[k] > 0.0 { rho[k] / curvature[k] } else { 0.0 });
-        let mut next = [0.0; 3];
+        let length: Lanes = std::array::from_fn(|k| if curvature[k] > 0.0 { rho[k] / curvature[k] } else { 0.0 });
+        let mut next = [0.0; 4];
         for row in rows(ranges) {
-            let scale = inverse(row);
-            for k in 0..3 {
+            let scale = inverse[row];
+            for k in 0..4 {
                 x[row][k] += length[k] * search[row][k];
                 residual[row][k] -= length[k] * image[row][k];
                 next[k] += masses[row] * scale * residual[row][k].powi(2);
             }
         }
-        let turn: [f64; 3] = std::array::from_fn(|k| if rho[k] > 0.0 { next[k] / rho[k] } else { 0.0 });
+        let turn: Lanes = std::array::from_fn(|k| if rho[k] > 0.0 { next[k] / rho[k] } else { 0.0 });
         for row in rows(ranges) {
-            let scale = inverse(row);
-            for k in 0..3 {
+            let scale = inverse[row];
+            for k in 0..4 {
                 search[row][k] = scale * residual[row][k] + turn[k] * search[row][k];
             }
         }
@@ -264,7 +275,7 @@ fn solve(
     }
     // The vectors that the passes read must be zero in held rows.
     for row in rows(ranges) {
-        search[row] = [0.0; 3];
+        search[row] = [0.0; 4];
     }
     *unknown(scratch) = x;
     iterations

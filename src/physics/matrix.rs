@@ -7,29 +7,67 @@
 use super::topology::NetworkTopology;
 use std::ops::Range;
 
-/// Two 3-vectors of one particle that travel through the series together (displacement and velocity): the matrix is
-/// read once for both.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[repr(C, align(16))]
-pub struct Pair(pub [f64; 6]);
+/// A 3-vector of one particle, padded with a zero: one load, one multiplication.
+pub type Lanes = [f64; 4];
 
-impl Pair {
-    /// From its two halves.
-    pub fn new(first: [f64; 3], second: [f64; 3]) -> Self {
-        Self([first[0], first[1], first[2], second[0], second[1], second[2]])
-    }
+/// Two 3-vectors of one particle that travel through the series together (displacement and velocity): the matrix is read
+/// once for both, and a particle is one cache line.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(C, align(64))]
+pub struct Pair {
+    /// Displacement, or the velocity that goes into a step.
+    pub first: Lanes,
+    /// Velocity, or the acceleration that goes into a step.
+    pub second: Lanes,
+}
+
+/// `a x + b y`.
+#[inline(always)]
+pub fn blend(a: f64, x: &Lanes, b: f64, y: &Lanes) -> Lanes {
+    std::array::from_fn(|k| a * x[k] + b * y[k])
+}
+
+/// `x + a y`.
+#[inline(always)]
+pub fn add_scaled(x: &Lanes, a: f64, y: &Lanes) -> Lanes {
+    std::array::from_fn(|k| x[k] + a * y[k])
+}
+
+/// `x - y`.
+#[inline(always)]
+pub fn minus(x: &Lanes, y: &Lanes) -> Lanes {
+    std::array::from_fn(|k| x[k] - y[k])
+}
+
+/// Entries of a row are padded to whole blocks of this many, with zero springs to the row itself: the inner loop has
+/// independent sums and few branches.
+const BLOCK: usize = 4;
+
+/// What a row needs beside its springs.
+#[derive(Clone, Copy, Debug, Default)]
+struct Head {
+    /// First block of springs, and one past the last.
+    start: u32,
+    end: u32,
+    /// `1 + g_i S_i`.
+    diagonal: f64,
+    /// `g_i`.
+    gain: f64,
+}
+
+/// Four springs of a row.
+#[derive(Clone, Copy, Debug, Default)]
+struct Block {
+    columns: [u32; BLOCK],
+    springs: [f32; BLOCK],
 }
 
 /// The matrix. Rows are in solver order: linked particles by Cuthill-McKee, then lone ones.
 #[derive(Clone, Debug, Default)]
 pub struct Matrix {
-    offsets: Vec<u32>,
-    columns: Vec<u32>,
-    springs: Vec<f32>,
-    /// `1 + g_i S_i`.
-    diagonal: Vec<f64>,
-    /// `g_i`.
-    gain: Vec<f64>,
+    heads: Vec<Head>,
+    blocks: Vec<Block>,
+    entries: usize,
     /// `(2 pi f)^2`, 1/s^2: also the lower end of the spectrum.
     rate: f64,
     /// Gershgorin's upper end of the spectrum, 1/s^2.
@@ -40,33 +78,35 @@ impl Matrix {
     /// Fills the rows from the springs: `order[row]` is a particle, `row_of` the reverse. A spring's stiffness counts the
     /// mean of its two masses.
     pub fn set_rows(&mut self, topology: &NetworkTopology, order: &[u32], row_of: &[u32], masses: &[f64]) {
-        self.offsets.clear();
-        self.columns.clear();
-        self.springs.clear();
-        self.offsets.push(0);
-        for particle in order {
+        self.heads.clear();
+        self.blocks.clear();
+        self.entries = 2 * topology.springs();
+        for (row, particle) in order.iter().enumerate() {
+            let start = self.blocks.len() as u32;
             let (columns, weights) = topology.row(*particle as usize);
-            for (other, weight) in columns.iter().zip(weights) {
-                let mass = 0.5 * (masses[*particle as usize] + masses[*other as usize]);
-                self.columns.push(row_of[*other as usize]);
-                self.springs.push((*weight as f64 * mass) as f32);
+            for (columns, weights) in columns.chunks(BLOCK).zip(weights.chunks(BLOCK)) {
+                let mut block = Block { columns: [row as u32; BLOCK], springs: [0.0; BLOCK] };
+                for (k, (other, weight)) in columns.iter().zip(weights).enumerate() {
+                    let mass = 0.5 * (masses[*particle as usize] + masses[*other as usize]);
+                    block.columns[k] = row_of[*other as usize];
+                    block.springs[k] = (*weight as f64 * mass) as f32;
+                }
+                self.blocks.push(block);
             }
-            self.offsets.push(self.columns.len() as u32);
+            self.heads.push(Head { start, end: self.blocks.len() as u32, ..Head::default() });
         }
     }
 
     /// Sets stiffness and masses (in row order); cheap beside [`Self::set_rows`].
     pub fn set_stiffness(&mut self, rate: f64, coupling: f64, masses: impl Iterator<Item = f64>) {
         self.rate = rate;
-        self.diagonal.clear();
-        self.gain.clear();
         let mut reach: f64 = 0.0;
-        for (row, mass) in masses.enumerate() {
-            let gain = coupling / mass;
-            let sum: f64 = self.springs[self.span(row)].iter().map(|s| *s as f64).sum();
-            self.gain.push(gain);
-            self.diagonal.push(1.0 + gain * sum);
-            reach = reach.max(gain * sum);
+        for (head, mass) in self.heads.iter_mut().zip(masses) {
+            let blocks = &self.blocks[head.start as usize..head.end as usize];
+            let sum: f64 = blocks.iter().flat_map(|b| b.springs).map(|s| s as f64).sum();
+            head.gain = coupling / mass;
+            head.diagonal = 1.0 + head.gain * sum;
+            reach = reach.max(head.gain * sum);
         }
         self.high = rate * (1.0 + 2.0 * reach);
     }
@@ -78,68 +118,69 @@ impl Matrix {
 
     /// Number of entries off the diagonal.
     pub fn entries(&self) -> usize {
-        self.columns.len()
+        self.entries
     }
 
-    /// Neighbours of a row.
-    #[inline]
-    pub fn neighbours(&self, row: usize) -> &[u32] {
-        &self.columns[self.span(row)]
+    /// Neighbours of a row (and, as padding, the row itself).
+    pub fn neighbours(&self, row: usize) -> impl Iterator<Item = u32> + '_ {
+        self.blocks(&self.heads[row]).iter().flat_map(|b| b.columns)
     }
 
-    #[inline]
-    fn span(&self, row: usize) -> Range<usize> {
-        self.offsets[row] as usize..self.offsets[row + 1] as usize
+    #[inline(always)]
+    fn blocks(&self, head: &Head) -> &[Block] {
+        &self.blocks[head.start as usize..head.end as usize]
     }
 
     /// `A_ii`, 1/s^2.
-    #[inline]
+    #[inline(always)]
     pub fn diagonal(&self, row: usize) -> f64 {
-        self.rate * self.diagonal[row]
+        self.rate * self.heads[row].diagonal
     }
 
     /// Row `row` of `A e`.
-    #[inline]
-    pub fn apply_row(&self, row: usize, e: &[[f64; 3]]) -> [f64; 3] {
-        let span = self.span(row);
-        let mut sum = [0.0; 3];
-        for (column, spring) in self.columns[span.clone()].iter().zip(&self.springs[span]) {
-            let (other, spring) = (&e[*column as usize], *spring as f64);
-            for k in 0..3 {
-                sum[k] += spring * other[k];
-            }
+    #[inline(always)]
+    pub fn apply_row(&self, row: usize, e: &[Lanes]) -> Lanes {
+        let head = &self.heads[row];
+        let (mut even, mut odd) = ([0.0; 4], [0.0; 4]);
+        for block in self.blocks(head) {
+            let [a, b, c, d] = block.columns.map(|column| &e[column as usize]);
+            let [p, q, r, s] = block.springs.map(|spring| spring as f64);
+            even = add_scaled(&add_scaled(&even, p, a), r, c);
+            odd = add_scaled(&add_scaled(&odd, q, b), s, d);
         }
-        let (own, diagonal, gain) = (&e[row], self.rate * self.diagonal[row], self.rate * self.gain[row]);
-        std::array::from_fn(|k| diagonal * own[k] - gain * sum[k])
+        let sum = add_scaled(&even, 1.0, &odd);
+        blend(self.rate * head.diagonal, &e[row], -self.rate * head.gain, &sum)
     }
 
-    /// One pass of Clenshaw's recurrence: `newest = input + 2 T newer - newest` on the rows of `range`, with `T` the
-    /// matrix mapped to [-1, 1] (`twice`, `shift`: `2 T = twice A / rate - shift`). `input(row)` is the term of this degree.
-    #[inline]
+    /// One pass of Clenshaw's recurrence: `newest = term + 2 T newer - newest` on the rows of `range`, with `T` the matrix
+    /// mapped to [-1, 1] (`twice`, `shift`: `2 T = twice A / rate - shift`). `term(row)` is what this degree adds.
+    #[inline(always)]
     pub fn clenshaw_pass(
         &self,
         range: Range<usize>,
         (twice, shift): (f64, f64),
-        input: impl Fn(usize) -> Pair,
+        term: impl Fn(usize) -> Pair,
         newer: &[Pair],
         newest: &mut [Pair],
     ) {
-        for row in range {
-            let span = self.span(row);
-            let mut sum = [0.0; 6];
-            for (column, spring) in self.columns[span.clone()].iter().zip(&self.springs[span]) {
-                let (other, spring) = (&newer[*column as usize].0, *spring as f64);
-                for k in 0..6 {
-                    sum[k] += spring * other[k];
-                }
+        let heads = self.heads[range.clone()].iter().zip(&newer[range.clone()]);
+        for (row, ((head, own), result)) in range.clone().zip(heads.zip(&mut newest[range])) {
+            let (mut first, mut second) = (([0.0; 4], [0.0; 4]), ([0.0; 4], [0.0; 4]));
+            for block in self.blocks(head) {
+                let [a, b, c, d] = block.columns.map(|column| &newer[column as usize]);
+                let [p, q, r, s] = block.springs.map(|spring| spring as f64);
+                first.0 = add_scaled(&add_scaled(&first.0, p, &a.first), r, &c.first);
+                first.1 = add_scaled(&add_scaled(&first.1, q, &b.first), s, &d.first);
+                second.0 = add_scaled(&add_scaled(&second.0, p, &a.second), r, &c.second);
+                second.1 = add_scaled(&add_scaled(&second.1, q, &b.second), s, &d.second);
             }
-            let diagonal = twice * self.diagonal[row] - shift;
-            let gain = twice * self.gain[row];
-            let (own, term) = (&newer[row].0, input(row).0);
-            let result = &mut newest[row].0;
-            for k in 0..6 {
-                result[k] = term[k] + diagonal * own[k] - gain * sum[k] - result[k];
-            }
+            let (diagonal, gain) = (twice * head.diagonal - shift, -twice * head.gain);
+            let sum = (add_scaled(&first.0, 1.0, &first.1), add_scaled(&second.0, 1.0, &second.1));
+            let term = term(row);
+            let first = add_scaled(&blend(diagonal, &own.first, gain, &sum.0), 1.0, &term.first);
+            let second = add_scaled(&blend(diagonal, &own.second, gain, &sum.1), 1.0, &term.second);
+            result.first = minus(&first, &result.first);
+            result.second = minus(&second, &result.second);
         }
     }
 
@@ -166,13 +207,13 @@ mod tests {
     #[test]
     fn a_rigid_shift_meets_only_the_anchors() {
         let matrix = chain(2.0, &[1.0, 3.0, 0.1, 7.0]);
-        let e = [[1.0, -2.0, 3.0]; 4];
+        let e = [[1.0, -2.0, 3.0, 0.0]; 4];
         for row in 0..4 {
             let a = matrix.apply_row(row, &e);
             (0..3).for_each(|k| assert!((a[k] - 4.0 * e[0][k]).abs() < 1e-5));
         }
         // Broken twin: a bent chain meets the neighbour springs too.
-        let bent = [[0.0; 3], [1.0; 3], [0.0; 3], [0.0; 3]];
+        let bent = [[0.0; 4], [1.0; 4], [0.0; 4], [0.0; 4]];
         assert!((matrix.apply_row(1, &bent)[0] - 4.0).abs() > 1.0);
     }
 
@@ -180,7 +221,7 @@ mod tests {
     fn springs_pull_both_ends_alike() {
         let masses = [1.0, 30.0, 0.001, 7.0];
         let matrix = chain(2.0, &masses);
-        let unit = |i: usize| std::array::from_fn::<_, 4, _>(|j| if i == j { [1.0; 3] } else { [0.0; 3] });
+        let unit = |i: usize| std::array::from_fn::<_, 4, _>(|j| if i == j { [1.0; 4] } else { [0.0; 4] });
         for i in 0..4 {
             for j in 0..4 {
                 let (a, b) = (masses[i] * matrix.apply_row(i, &unit(j))[0], masses[j] * matrix.apply_row(j, &unit(i))[0]);

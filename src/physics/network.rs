@@ -4,7 +4,7 @@
 //! displacement from rest, on which the springs act (MATHS 3.3, 4.1).
 
 use super::activity::Activity;
-use super::matrix::Matrix;
+use super::matrix::{Lanes, Matrix, add_scaled};
 use super::settings::{NetworkSettings, SettingsError};
 use super::topology::NetworkTopology;
 use crate::geometry::{ParticleId, StateHash};
@@ -19,7 +19,7 @@ pub const REST_THRESHOLD: f64 = 1e-6;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Grab {
     pub row: u32,
-    pub target: [f64; 3],
+    pub target: Lanes,
 }
 
 /// Particles on springs: `M u'' + c M u' + (K_anchor + L)(u - u0) = F` (MATHS 4.1).
@@ -34,12 +34,12 @@ pub struct Network {
     /// Rows with springs; they come first.
     pub(super) linked: usize,
     pub(super) masses: Vec<f64>,
-    pub(super) e: Vec<[f64; 3]>,
-    pub(super) v: Vec<[f64; 3]>,
-    pub(super) rest: Vec<[f64; 3]>,
-    pub(super) force: Vec<[f64; 3]>,
+    pub(super) e: Vec<Lanes>,
+    pub(super) v: Vec<Lanes>,
+    pub(super) rest: Vec<Lanes>,
+    pub(super) force: Vec<Lanes>,
     /// Rest displacement at the end of the next step, for the rows listed in `moved`.
-    pub(super) next_rest: Vec<[f64; 3]>,
+    pub(super) next_rest: Vec<Lanes>,
     pub(super) moved: Vec<u32>,
     pub(super) grabs: Vec<Grab>,
     /// Empty but inside [`Self::set_grabs`].
@@ -134,7 +134,7 @@ impl Network {
             self.row_of[*particle as usize] = row as u32;
         }
         for vector in [&mut self.e, &mut self.v, &mut self.rest, &mut self.force, &mut self.next_rest] {
-            *vector = permuted(vector, &old, &self.order, [0.0; 3]);
+            *vector = permuted(vector, &old, &self.order, [0.0; 4]);
         }
         let sound = |m: &f64| m.is_finite() && *m > 0.0 && *m < INPUT_LIMIT;
         let mass = |p: usize| masses.and_then(|m| m.get(p)).copied().filter(sound).unwrap_or(1.0);
@@ -143,7 +143,7 @@ impl Network {
         self.matrix.set_rows(topology, &self.order, &self.row_of, &by_particle);
         self.refresh_stiffness();
         self.rename_rows(&old, n);
-        self.displacement = (0..n).map(|p| self.displacement_of_row(self.row_of[p] as usize)).collect();
+        self.displacement = (0..n).map(|p| unpadded(&self.u(self.row_of[p] as usize)).into()).collect();
         self.disturb_unrested();
     }
 
@@ -180,14 +180,15 @@ impl Network {
     /// Wakes the rows that are away from rest: after a change of what pulls at them.
     fn disturb_unrested(&mut self) {
         for row in 0..self.e.len() {
-            if self.e[row] != [0.0; 3] || self.v[row] != [0.0; 3] || self.force[row] != [0.0; 3] {
+            if self.e[row] != [0.0; 4] || self.v[row] != [0.0; 4] || self.force[row] != [0.0; 4] {
                 self.activity.disturb(row as u32);
             }
         }
     }
 
-    pub(super) fn displacement_of_row(&self, row: usize) -> [f64; 3] {
-        std::array::from_fn(|k| self.e[row][k] + self.rest[row][k])
+    /// `u` of a row.
+    pub(super) fn u(&self, row: usize) -> Lanes {
+        add_scaled(&self.e[row], 1.0, &self.rest[row])
     }
 
     /// The row of a particle, if there is one and all of `inputs` are finite and of sane size; else counts a refusal.
@@ -212,19 +213,19 @@ impl Network {
 
     /// Velocity of one particle, m/s.
     pub fn velocity(&self, particle: ParticleId) -> DVec3 {
-        self.row_of.get(particle.0 as usize).map_or(DVec3::ZERO, |row| DVec3::from(self.v[*row as usize]))
+        self.row_of.get(particle.0 as usize).map_or(DVec3::ZERO, |row| unpadded(&self.v[*row as usize]))
     }
 
     /// Rest displacement `u0` of one particle, metres.
     pub fn rest_displacement(&self, particle: ParticleId) -> DVec3 {
-        self.row_of.get(particle.0 as usize).map_or(DVec3::ZERO, |row| DVec3::from(self.rest[*row as usize]))
+        self.row_of.get(particle.0 as usize).map_or(DVec3::ZERO, |row| unpadded(&self.rest[*row as usize]))
     }
 
     /// Puts a particle somewhere: displacement (metres) and velocity (m/s).
     pub fn set_state(&mut self, particle: ParticleId, displacement: DVec3, velocity: DVec3) {
         let Some(row) = self.accept(particle, &[displacement, velocity]) else { return };
-        self.e[row] = (displacement - DVec3::from(self.rest[row])).into();
-        self.v[row] = velocity.into();
+        self.e[row] = padded(displacement - unpadded(&self.rest[row]));
+        self.v[row] = padded(velocity);
         self.displacement[particle.0 as usize] = displacement.into();
         self.activity.disturb(row as u32);
     }
@@ -233,12 +234,11 @@ impl Network {
     /// there linearly, which the step takes into account exactly.
     pub fn set_rest_displacement(&mut self, particle: ParticleId, rest: DVec3) {
         let Some(row) = self.accept(particle, &[rest]) else { return };
-        let rest: [f64; 3] = rest.into();
-        self.move_rest(row, rest);
+        self.move_rest(row, padded(rest));
     }
 
     /// A row is listed in `moved` once its next rest displacement differs from the present one.
-    fn move_rest(&mut self, row: usize, rest: [f64; 3]) {
+    fn move_rest(&mut self, row: usize, rest: Lanes) {
         if self.next_rest[row] == self.rest[row] && rest != self.rest[row] {
             self.moved.push(row as u32);
             self.activity.disturb(row as u32);
@@ -250,7 +250,7 @@ impl Network {
     pub fn set_rest_displacements(&mut self, rest: &[[f64; 3]]) {
         for (particle, rest) in rest.iter().enumerate().take(self.row_of.len()) {
             if rest.iter().all(|x| x.abs() <= INPUT_LIMIT) {
-                self.move_rest(self.row_of[particle] as usize, *rest);
+                self.move_rest(self.row_of[particle] as usize, padded(DVec3::from(*rest)));
             } else {
                 self.refused += 1;
             }
@@ -260,8 +260,8 @@ impl Network {
     /// The external force on a particle, N, from now on until it is changed; constant over a step.
     pub fn set_force(&mut self, particle: ParticleId, force: DVec3) {
         let Some(row) = self.accept(particle, &[force]) else { return };
-        if DVec3::from(self.force[row]) != force {
-            self.force[row] = force.into();
+        if self.force[row] != padded(force) {
+            self.force[row] = padded(force);
             self.activity.disturb(row as u32);
         }
     }
@@ -269,8 +269,8 @@ impl Network {
     /// Takes all external forces away.
     pub fn clear_forces(&mut self) {
         for row in 0..self.force.len() {
-            if self.force[row] != [0.0; 3] {
-                self.force[row] = [0.0; 3];
+            if self.force[row] != [0.0; 4] {
+                self.force[row] = [0.0; 4];
                 self.activity.disturb(row as u32);
             }
         }
@@ -290,8 +290,8 @@ impl Network {
             if std::mem::replace(&mut self.held[row], true) {
                 continue;
             }
-            self.grabs.push(Grab { row: row as u32, target: (*target).into() });
-            if DVec3::from(self.displacement[particle.0 as usize]) != *target || self.v[row] != [0.0; 3] {
+            self.grabs.push(Grab { row: row as u32, target: padded(*target) });
+            if DVec3::from(self.displacement[particle.0 as usize]) != *target || self.v[row] != [0.0; 4] {
                 self.activity.disturb(row as u32);
             }
         }
@@ -344,9 +344,9 @@ impl Network {
         let mut energy = 0.0;
         for row in 0..self.e.len() {
             let pull = self.matrix.apply_row(row, &self.e);
-            for k in 0..3 {
+            for (k, pull) in pull.iter().enumerate() {
                 let (e, v, mass) = (self.e[row][k], self.v[row][k], self.masses[row]);
-                energy += 0.5 * mass * (v * v + pull[k] * e) - self.force[row][k] * e;
+                energy += 0.5 * mass * (v * v + pull * e) - self.force[row][k] * e;
             }
         }
         energy
@@ -362,6 +362,14 @@ impl Network {
             hash.word(self.held[row] as u64);
         }
     }
+}
+
+pub(super) fn padded(x: DVec3) -> Lanes {
+    [x.x, x.y, x.z, 0.0]
+}
+
+pub(super) fn unpadded(x: &Lanes) -> DVec3 {
+    DVec3::new(x[0], x[1], x[2])
 }
 
 /// `values`, which are by old row, in the new order; `fill` for particles that had no row.

@@ -189,9 +189,9 @@ mod tests {
     fn twenty_seconds_of_steps_equal_one_closed_form() {
         for k in [1.0, 1e3, 1e6, 1e9] {
             for ratio in [0.0, 1e-4, 1.0, 3.0] {
-                for h in [1.0 / 90.0, 1.0 / 60.0, 1.0] {
+                for h in [1.0f64 / 90.0, 1.0 / 60.0, 1.0] {
                     let c = 2.0 * ratio * f64::sqrt(k);
-                    let steps = (20.0 / h as f64).round();
+                    let steps = (20.0 / h).round();
                     let p = Propagator::new(k, c, h);
                     let (mut u, mut v) = (1.0, 0.0);
                     for _ in 0..steps as usize {

@@ -208,12 +208,11 @@ impl ReferenceNetwork {
 
     /// Kinetic and elastic energy, less the work of constant forces, J.
     pub fn energy(&self) -> f64 {
-        let pull = self.pull(&self.u);
         let mut energy = 0.0;
-        for p in 0..self.u.len() {
-            for k in 0..3 {
+        for (p, pull) in self.pull(&self.u).iter().enumerate() {
+            for (k, pull) in pull.iter().enumerate() {
                 let away = self.u[p][k] - self.rest[p][k];
-                let elastic = self.forces[p][k] - self.masses[p] * pull[p][k];
+                let elastic = self.forces[p][k] - self.masses[p] * pull;
                 energy += 0.5 * (self.masses[p] * self.v[p][k].powi(2) + elastic * away) - self.forces[p][k] * away;
             }
         }
@@ -225,9 +224,10 @@ fn add(x: &[[f64; 3]], d: &[[f64; 3]], h: f64) -> Vectors {
     x.iter().zip(d).map(|(x, d)| std::array::from_fn(|k| x[k] + h * d[k])).collect()
 }
 
-/// Largest component of `a - b`: the norm of MATHS 4.3.
+/// Largest component of `a - b`: the norm of MATHS 4.3. NaN if any is.
 pub fn max_difference(a: &[[f64; 3]], b: &[[f64; 3]]) -> f64 {
-    a.iter().zip(b).flat_map(|(a, b)| (0..3).map(move |k| (a[k] - b[k]).abs())).fold(0.0, f64::max)
+    let larger = |m: f64, x: f64| if x > m || x.is_nan() { x } else { m };
+    a.iter().zip(b).flat_map(|(a, b)| (0..3).map(move |k| (a[k] - b[k]).abs())).fold(0.0, larger)
 }
 
 #[cfg(test)]
