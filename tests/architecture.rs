@@ -30,7 +30,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("config", &["gpu", "input", "scene", "tissue", "formats", "particles", "physics", "rig", "surgery", "geometry"]),
     ("app", &["config", "gpu", "input", "CORE"]),
     // A host owns its loop and calls the app's frame, so the arrow between the two points this way.
-    ("host", &["app", "config", "gpu", "input", "scene", "tissue", "geometry"]),
+    ("host", &["app", "config", "gpu", "input", "CORE"]),
     ("cli", &["app", "host", "config", "gpu", "input", "CORE"]),
 ];
 

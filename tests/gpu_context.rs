@@ -37,7 +37,8 @@ fn a_refused_call_is_an_error_and_no_panic() -> Result<(), GpuError> {
     assert!(context.check().is_ok());
     let size = context.device().limits().max_buffer_size.saturating_add(4);
     let usage = wgpu::BufferUsages::STORAGE;
-    context.device().create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
+    let _refused =
+        context.device().create_buffer(&wgpu::BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
     assert!(matches!(context.check(), Err(GpuError::Lost(_))));
     assert!(matches!(context.wait(), Err(GpuError::Lost(_))));
     assert!(required_limits().max_buffer_size < size);

@@ -23,7 +23,7 @@ impl Inspect {
             print_json(&serde_json::to_value(&found).map_err(CliError::run)?);
             return Ok(());
         }
-        print_line(&format!("{}", found.name));
+        print_line(&found.name);
         print_line(&format!("  vertices    {} stored, {} welded", found.vertices_stored, found.vertices_welded));
         print_line(&format!("  faces       {} in {} component(s)", found.faces, found.components));
         let closed = if found.closed { "closed".into() } else { format!("open: {} boundary edges", found.boundary_edges) };

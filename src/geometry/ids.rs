@@ -110,6 +110,6 @@ impl HalfEdge {
     /// The previous half-edge of the same face.
     #[inline]
     pub fn prev(self) -> Self {
-        if self.0 % 3 == 0 { Self(self.0 + 2) } else { Self(self.0 - 1) }
+        if self.0.is_multiple_of(3) { Self(self.0 + 2) } else { Self(self.0 - 1) }
     }
 }

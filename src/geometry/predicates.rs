@@ -154,12 +154,16 @@ impl std::ops::Add for Dyadic {
     type Output = Self;
     fn add(self, other: Self) -> Self {
         let exponent = self.exponent.min(other.exponent);
-        let shifted = |x: Self| x.mantissa << (x.exponent - exponent) as usize;
-        Self { mantissa: shifted(self) + shifted(other), exponent }
+        Self { mantissa: self.scaled_to(exponent) + other.scaled_to(exponent), exponent }
     }
 }
 
 impl Dyadic {
+    /// The mantissa for a smaller exponent.
+    fn scaled_to(self, exponent: i64) -> BigInt {
+        self.mantissa << (self.exponent - exponent) as usize
+    }
+
     fn sign(&self) -> i32 {
         match self.mantissa.sign() {
             Sign::Plus => 1,

@@ -140,6 +140,9 @@ fn split_faces(
     }
 }
 
+/// Vertices and wedges of a face to be.
+type Corners = [(VertexId, WedgeId); 3];
+
 /// Splits a face with corners on both sides: into two where a corner lies on the plane, else into three.
 fn split_face(
     mesh: &mut Mesh,
@@ -164,7 +167,7 @@ fn split_face(
     };
     let corner = |c: usize| (corners[c], wedges[c]);
     let side = |c: usize| if values[c] < 0.0 { NEGATIVE } else { POSITIVE };
-    let mut faces: [Option<([(VertexId, WedgeId); 3], u8)>; 3] = [None; 3];
+    let mut faces: [Option<(Corners, u8)>; 3] = [None; 3];
     if values[i] == 0.0 {
         let m = crossing(mesh, scratch, j, k);
         faces[0] = Some(([corner(i), corner(j), m], side(j)));

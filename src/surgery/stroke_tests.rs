@@ -1,8 +1,8 @@
 //! The laws of MATHS 5.1 to 5.5 over whole strokes.
 
-use super::super::blade_path::{EntryPoint, SamplingSettings};
-use super::super::boxes::{Side, TearBox, plane_side};
 use super::*;
+use crate::surgery::blade_path::{EntryPoint, SamplingSettings};
+use crate::surgery::boxes::{Side, TearBox, plane_side};
 use proptest::prelude::*;
 
 const CASES: u32 = 96;
