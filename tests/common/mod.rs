@@ -1,6 +1,8 @@
 //! Small meshes and measures for the laws.
 #![allow(dead_code, missing_docs)]
 
+pub mod models;
+
 use glam::DVec3;
 use incise::geometry::{FaceId, HalfEdge, Mesh, VertexId, Wedge, WedgeId};
 

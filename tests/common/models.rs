@@ -1,0 +1,55 @@
+//! Small bundled models as scenes.
+
+use incise::formats::{self, Model};
+use incise::geometry::VertexId;
+use incise::particles::ParticleSettings;
+use incise::physics::NetworkSettings;
+use incise::scene::{Scene, SceneSettings};
+use incise::surgery::SamplingSettings;
+use incise::tissue::{SoftLayer, Tissue, TissueSettings};
+use std::collections::BTreeMap;
+use std::sync::{LazyLock, Mutex};
+
+static LOADED: LazyLock<Mutex<BTreeMap<(String, usize), Model>>> = LazyLock::new(Default::default);
+
+/// A bundled model with about `faces` faces, loaded through a file like any other.
+pub fn model(name: &str, faces: usize) -> Model {
+    let mut loaded = LOADED.lock().unwrap();
+    let key = (name.to_string(), faces);
+    loaded
+        .entry(key)
+        .or_insert_with(|| {
+            let folder = tempfile::tempdir().unwrap();
+            let path = folder.path().join(format!("{name}.glb"));
+            std::fs::write(&path, formats::generate(name, Some(faces)).unwrap()).unwrap();
+            formats::load(path.to_str().unwrap()).unwrap()
+        })
+        .clone()
+}
+
+/// Settings with about 40 particles.
+pub fn settings(model: &Model) -> TissueSettings {
+    let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
+    let spacing = 2.2 * ParticleSettings::for_model(&model.mesh, &rest).spacing;
+    TissueSettings {
+        particles: Some(ParticleSettings::with_spacing(spacing)),
+        network: NetworkSettings::SOFT,
+        section_faces: 32,
+        fade_s: 0.25,
+    }
+}
+
+/// A scene with one tissue; the flag tells whether the model has an animation.
+pub fn scene(name: &str, faces: usize) -> (Scene, bool) {
+    let model = model(name, faces);
+    let animated = !model.rig.animations.is_empty();
+    let settings = settings(&model);
+    let tissue = Tissue::new(model, &settings).unwrap();
+    let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
+    (Scene::new(tissue, tools), animated)
+}
+
+/// A vertex with at least two influences.
+pub fn first_row(layer: &SoftLayer) -> usize {
+    (0..layer.map.influences.rows()).find(|&v| layer.map.influences.row(v).len() > 1).unwrap()
+}
