@@ -6,7 +6,7 @@
 //! (Alexander 1977), or without any damping by the midpoint rule, which keeps the energy. Taking a network's decay from the
 //! method instead would leave 4 % of the amplitude after one step of h omega = 100 where the law leaves 5e-5.
 
-use super::matrix::{Lanes, Matrix, Pair, add_scaled};
+use super::matrix::{Lanes, Matrix, Pair, add_scaled, blend, minus};
 use super::propagator::Propagator;
 use std::ops::Range;
 
@@ -221,62 +221,92 @@ impl ImplicitScratch {
 #[inline(always)]
 fn solve(
     input: &ImplicitInput,
-    (alpha, beta): (f64, f64),
+    shift: (f64, f64),
     scratch: &mut ImplicitScratch,
     unknown: impl Fn(&mut ImplicitScratch) -> &mut Vector,
 ) -> usize {
-    let ImplicitInput { matrix, ranges, masses, .. } = *input;
     let mut x = std::mem::take(unknown(scratch));
-    let ImplicitScratch { residual, search, image, right, inverse, .. } = scratch;
-    for row in rows(ranges) {
-        inverse[row] = 1.0 / (alpha + beta * matrix.diagonal(row));
-    }
-    let (mut goal, mut rho) = ([0.0; 4], [0.0; 4]);
-    for row in rows(ranges) {
-        let a = matrix.apply_row(row, &x);
-        for k in 0..4 {
-            residual[row][k] = right[row][k] - alpha * x[row][k] - beta * a[k];
-            search[row][k] = inverse[row] * residual[row][k];
-            goal[k] += masses[row] * inverse[row] * right[row][k].powi(2);
-            rho[k] += masses[row] * residual[row][k] * search[row][k];
-        }
-    }
-    let tolerance = if input.damping == 0.0 { TOLERANCE_UNDAMPED } else { TOLERANCE };
-    let goal = goal.map(|g| g * tolerance * tolerance);
+    let (goal, mut rho) = start(input, shift, scratch, &x);
     let mut iterations = 0;
-    while iterations < MAX_ITERATIONS && (0..4).any(|k| rho[k] > goal[k]) {
+    while iterations < MAX_ITERATIONS && (0..3).any(|k| rho[k] > goal[k]) {
         iterations += 1;
-        let mut curvature = [0.0; 4];
-        for row in rows(ranges) {
-            let a = matrix.apply_row(row, search);
-            for k in 0..4 {
-                image[row][k] = alpha * search[row][k] + beta * a[k];
-                curvature[k] += masses[row] * search[row][k] * image[row][k];
-            }
-        }
+        let curvature = curve(input, shift, scratch);
         let length: Lanes = std::array::from_fn(|k| if curvature[k] > 0.0 { rho[k] / curvature[k] } else { 0.0 });
-        let mut next = [0.0; 4];
-        for row in rows(ranges) {
-            let scale = inverse[row];
-            for k in 0..4 {
-                x[row][k] += length[k] * search[row][k];
-                residual[row][k] -= length[k] * image[row][k];
-                next[k] += masses[row] * scale * residual[row][k].powi(2);
-            }
-        }
+        let next = advance(input, scratch, &length, &mut x);
         let turn: Lanes = std::array::from_fn(|k| if rho[k] > 0.0 { next[k] / rho[k] } else { 0.0 });
-        for row in rows(ranges) {
-            let scale = inverse[row];
-            for k in 0..4 {
-                search[row][k] = scale * residual[row][k] + turn[k] * search[row][k];
+        for range in input.ranges.iter().map(whole) {
+            for row in range {
+                let fresh = scratch.residual[row].map(|r| scratch.inverse[row] * r);
+                scratch.search[row] = add_product(&fresh, &turn, &scratch.search[row]);
             }
         }
         rho = next;
     }
-    // The vectors that the passes read must be zero in held rows.
-    for row in rows(ranges) {
-        search[row] = [0.0; 4];
-    }
     *unknown(scratch) = x;
     iterations
+}
+
+/// Residual, first direction, and the squared norms to reach and at hand.
+#[inline(always)]
+fn start(input: &ImplicitInput, (alpha, beta): (f64, f64), scratch: &mut ImplicitScratch, x: &[Lanes]) -> (Lanes, Lanes) {
+    let ImplicitScratch { residual, search, right, inverse, .. } = scratch;
+    let (mut goal, mut rho) = ([0.0; 4], [0.0; 4]);
+    for range in input.ranges.iter().map(whole) {
+        for row in range {
+            inverse[row] = 1.0 / (alpha + beta * input.matrix.diagonal(row));
+            let image = blend(alpha, &x[row], beta, &input.matrix.apply_row(row, x));
+            residual[row] = minus(&right[row], &image);
+            search[row] = residual[row].map(|r| inverse[row] * r);
+            let weight = input.masses[row] * inverse[row];
+            goal = add_scaled(&goal, weight, &product(&right[row], &right[row]));
+            rho = add_scaled(&rho, weight, &product(&residual[row], &residual[row]));
+        }
+    }
+    let tolerance = if input.damping == 0.0 { TOLERANCE_UNDAMPED } else { TOLERANCE };
+    (goal.map(|g| g * tolerance * tolerance), rho)
+}
+
+/// The system's image of the search direction; returns their product.
+#[inline(always)]
+fn curve(input: &ImplicitInput, (alpha, beta): (f64, f64), scratch: &mut ImplicitScratch) -> Lanes {
+    let ImplicitScratch { search, image, .. } = scratch;
+    let mut curvature = [0.0; 4];
+    for range in input.ranges.iter().map(whole) {
+        for row in range {
+            image[row] = blend(alpha, &search[row], beta, &input.matrix.apply_row(row, search));
+            curvature = add_scaled(&curvature, input.masses[row], &product(&search[row], &image[row]));
+        }
+    }
+    curvature
+}
+
+/// Goes along the search direction; returns the new squared norm of the residual.
+#[inline(always)]
+fn advance(input: &ImplicitInput, scratch: &mut ImplicitScratch, length: &Lanes, x: &mut [Lanes]) -> Lanes {
+    let ImplicitScratch { residual, search, image, inverse, .. } = scratch;
+    let back = length.map(|l| -l);
+    let mut next = [0.0; 4];
+    for range in input.ranges.iter().map(whole) {
+        for row in range {
+            x[row] = add_product(&x[row], length, &search[row]);
+            residual[row] = add_product(&residual[row], &back, &image[row]);
+            next = add_scaled(&next, input.masses[row] * inverse[row], &product(&residual[row], &residual[row]));
+        }
+    }
+    next
+}
+
+#[inline(always)]
+fn whole(range: &Range<u32>) -> Range<usize> {
+    range.start as usize..range.end as usize
+}
+
+#[inline(always)]
+fn product(x: &Lanes, y: &Lanes) -> Lanes {
+    std::array::from_fn(|k| x[k] * y[k])
+}
+
+#[inline(always)]
+fn add_product(x: &Lanes, a: &Lanes, y: &Lanes) -> Lanes {
+    std::array::from_fn(|k| x[k] + a[k] * y[k])
 }
