@@ -15,7 +15,7 @@ const GAMMA: f64 = 1.0 - std::f64::consts::FRAC_1_SQRT_2;
 /// Iterations of one conjugate-gradient solve at most; what it then has is smaller than the solution, never larger.
 const MAX_ITERATIONS: usize = 600;
 /// Wanted residual relative to the right-hand side: with damping, and without, where it is energy for ever.
-const TOLERANCE: f64 = 1e-6;
+const TOLERANCE: f64 = 1e-8;
 const TOLERANCE_UNDAMPED: f64 = 1e-13;
 
 type Vector = Vec<Lanes>;
@@ -350,10 +350,10 @@ mod tests {
     #[test]
     fn it_is_of_second_order_in_every_regime() {
         for damping_ratio in [0.0, 0.1, 0.9, 3.0] {
-            let (a, b) = (shifted(damping_ratio, 0.04), shifted(damping_ratio, 0.02));
-            // Third order in one step; a first-order method (broken twin) would only quarter it.
-            assert!(a.0 < 1e-3 && a.0 >= 6.0 * b.0, "{damping_ratio}: {a:?} {b:?}");
-            assert!(a.1 < 1e-3 && a.1 >= 6.0 * b.1, "{damping_ratio}: {a:?} {b:?}");
+            let (a, b) = (shifted(damping_ratio, 0.08), shifted(damping_ratio, 0.04));
+            // Third order in one step; a first-order method (broken twin) would quarter it.
+            assert!(a.0 < 1e-3 && a.0 >= 5.5 * b.0, "{damping_ratio}: {a:?} {b:?}");
+            assert!(a.1 < 1e-3 && a.1 >= 5.5 * b.1, "{damping_ratio}: {a:?} {b:?}");
         }
     }
 
