@@ -82,6 +82,15 @@ fn accuracy() {
     }
 }
 
+/// Forces that change now and then: without them a long run would come to rest, and rest costs nothing.
+fn push(network: &mut Network, size: f64) {
+    let size = size * network.settings().anchor_rate();
+    for p in 0..network.len() as u32 {
+        let force = if p % 2 == 0 { size } else { -size };
+        network.set_force(ParticleId(p), DVec3::new(force, 0.0, 0.5 * force));
+    }
+}
+
 fn times(criterion: &mut Criterion) {
     if !std::env::args().any(|a| a == "--test") {
         accuracy();
@@ -91,15 +100,19 @@ fn times(criterion: &mut Criterion) {
         for reach in [2.0, 7.0, 15.0, 60.0, 2000.0] {
             let settings = settings_for(&topology, reach);
             let mut network = excited(&topology, settings);
-            // Lasting forces: without them a long run would come to rest, and rest costs nothing.
-            for p in 0..particles as u32 {
-                let push = settings.anchor_rate() * if p % 2 == 0 { 0.1 } else { -0.1 };
-                network.set_force(ParticleId(p), DVec3::new(push, 0.0, 0.5 * push));
-            }
             let mut scratch = StepScratch::default();
             let report = network.step(STEP, &mut scratch);
             let name = format!("step/{particles}/h_omega {reach}/{:?} {}", report.method, report.degree);
-            criterion.bench_function(&name, |b| b.iter(|| black_box(network.step(STEP, &mut scratch))));
+            let mut count = 0;
+            criterion.bench_function(&name, |b| {
+                b.iter(|| {
+                    count += 1;
+                    if count % 32 == 1 {
+                        push(&mut network, if count % 64 == 1 { 0.1 } else { -0.1 });
+                    }
+                    black_box(network.step(STEP, &mut scratch))
+                })
+            });
             assert_eq!(network.awake_particles(), particles);
         }
         let mut resting = Network::new(&topology, NetworkSettings::FIRM, 1.0).expect("valid");

@@ -1,7 +1,7 @@
 //! The linear particle network and its exact propagation (MATHS 4), and direct displacement (MATHS 3.4).
 //!
 //! [`Network`] holds displacement and velocity of the particles; [`Network::step`] moves them. Built from a
-//! [`NetworkTopology`] and [`NetworkSettings`]; [`reference`] holds what it is judged by.
+//! [`NetworkTopology`] and [`NetworkSettings`]; [`mod@reference`] holds what it is judged by.
 
 mod activity;
 pub mod direct_displacement;
