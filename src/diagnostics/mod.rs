@@ -3,10 +3,14 @@
 use std::time::Instant;
 
 /// Milliseconds by stage name, in the order the stages first ran.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Stages {
-    rows: Vec<(&'static str, f64)>,
+    rows: [(&'static str, f64); MOST_STAGES],
+    len: usize,
 }
+
+/// Stages that are told apart; the time of any more goes to the last. Inline, so that timing a frame allocates nothing.
+const MOST_STAGES: usize = 16;
 
 impl Stages {
     /// Runs `work` and adds its time to `stage`.
@@ -19,37 +23,41 @@ impl Stages {
 
     /// Adds milliseconds to a stage.
     pub fn add(&mut self, stage: &'static str, ms: f64) {
-        match self.rows.iter_mut().find(|r| r.0 == stage) {
+        match self.rows[..self.len].iter_mut().find(|r| r.0 == stage) {
             Some(row) => row.1 += ms,
-            None => self.rows.push((stage, ms)),
+            None if self.len < MOST_STAGES => {
+                self.rows[self.len] = (stage, ms);
+                self.len += 1;
+            }
+            None => self.rows[MOST_STAGES - 1].1 += ms,
         }
     }
 
     /// Adds every stage of `other`.
     pub fn merge(&mut self, other: &Stages) {
-        for &(stage, ms) in &other.rows {
+        for &(stage, ms) in other.rows() {
             self.add(stage, ms);
         }
     }
 
     /// Milliseconds of one stage; 0 if it never ran.
     pub fn get(&self, stage: &str) -> f64 {
-        self.rows.iter().find(|r| r.0 == stage).map_or(0.0, |r| r.1)
+        self.rows().iter().find(|r| r.0 == stage).map_or(0.0, |r| r.1)
     }
 
     /// All stages with their milliseconds.
     pub fn rows(&self) -> &[(&'static str, f64)] {
-        &self.rows
+        &self.rows[..self.len]
     }
 
     /// Sum of all stages, milliseconds.
     pub fn total(&self) -> f64 {
-        self.rows.iter().map(|r| r.1).sum()
+        self.rows().iter().fold(0.0, |sum, r| sum + r.1)
     }
 
-    /// Forgets all stages but keeps the buffer.
+    /// Forgets all stages.
     pub fn clear(&mut self) {
-        self.rows.clear();
+        self.len = 0;
     }
 }
 

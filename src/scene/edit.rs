@@ -95,14 +95,9 @@ impl Scene {
             EditCommand::StrokePose(pose) => self.stroke_pose(pose),
             EditCommand::StrokeEnd => return self.end_stroke(),
             EditCommand::Cut(plane) => return Some(self.cut(&plane)),
-            EditCommand::Undo => return self.step_history("undo", Self::undo),
-            EditCommand::Redo => return self.step_history("redo", Self::redo),
-            EditCommand::Reset => {
-                return self.step_history("reset", |scene| {
-                    scene.reset();
-                    true
-                });
-            }
+            EditCommand::Undo => return Some(self.step_history("undo", Outcome::Undone, Self::undo)),
+            EditCommand::Redo => return Some(self.step_history("redo", Outcome::Redone, Self::redo)),
+            EditCommand::Reset => return Some(self.step_history("reset", Outcome::Reset, Self::reset)),
             EditCommand::GrabBegin { id, center, radius } => self.begin_grab(id, center, radius),
             EditCommand::GrabMove { id, by } => self.move_grab(id, by),
             EditCommand::GrabEnd { id } => self.end_grab(id),
@@ -110,12 +105,18 @@ impl Scene {
         None
     }
 
-    fn step_history(&mut self, kind: &'static str, step: impl FnOnce(&mut Self) -> bool) -> Option<EditReport> {
-        let moved = step(self);
+    fn step_history(&mut self, kind: &'static str, outcome: Outcome, step: impl FnOnce(&mut Self) -> bool) -> EditReport {
         let mut report = EditReport { kind, ..EditReport::default() };
-        report.outcome = if moved { Outcome::Cut } else { Outcome::Missed };
+        for tissue in self.tissues.values() {
+            let measured = tissue.measure_all();
+            report.area_before += measured.area;
+            report.volume_before += measured.volume;
+        }
+        if report.stages.time(kind, || step(self)) {
+            report.outcome = outcome;
+        }
         self.finish_report(&mut report, Vec::new());
-        Some(report)
+        report
     }
 
     fn begin_stroke(&mut self, width: f64) {

@@ -56,10 +56,13 @@ impl Scene {
         true
     }
 
-    /// Undoes every unit: the model as it was loaded. What was undone can be redone.
-    pub fn reset(&mut self) {
+    /// Undoes every unit: the model as it was loaded. What was undone can be redone. False if
+    /// there was nothing to undo.
+    pub fn reset(&mut self) -> bool {
         self.grabs.clear();
+        let any = self.undo_depth() > 0 && self.strokes.is_empty();
         while self.undo() {}
+        any
     }
 
     /// Number of units that [`Scene::undo`] can take back.

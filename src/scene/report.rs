@@ -16,6 +16,12 @@ pub enum Outcome {
     Torn,
     /// The tear took a piece off.
     Severed,
+    /// An edit was taken back.
+    Undone,
+    /// An edit was done again.
+    Redone,
+    /// All edits were taken back.
+    Reset,
 }
 
 impl Outcome {
@@ -26,6 +32,9 @@ impl Outcome {
             Outcome::Cut => "cut",
             Outcome::Torn => "torn",
             Outcome::Severed => "severed",
+            Outcome::Undone => "undone",
+            Outcome::Redone => "redone",
+            Outcome::Reset => "reset",
         }
     }
 }

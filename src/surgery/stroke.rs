@@ -79,7 +79,8 @@ impl Stroke {
 /// How much higher than the line between two tops the surface comes on the way, margin included (MATHS 5.1).
 fn rise_between(a: &ClippedSample, b: &ClippedSample, surface: &(impl Surface + ?Sized), sampling: &Sampling) -> f64 {
     let (Some(top_a), Some(top_b), SampleKind::Move) = (a.top, b.top, b.kind) else { return 0.0 };
-    let mut rise = 0.0f64;
+    // a ridge right beside the lower top reaches as high as the higher one
+    let mut rise = (top_b - top_a).dot(b.pose.up()).abs();
     for k in 1..=sampling.probes {
         let u = f64::from(k) / f64::from(sampling.probes + 1);
         let blade = a.pose.lerp(&b.pose, u);
