@@ -90,6 +90,7 @@ pub fn tissue_settings(config: &Config, particles: Option<ParticleSettings>) -> 
     TissueSettings {
         particles,
         network: network_settings(config),
+        opening_s: config.tear.opening_time,
         section_faces: config.sections.faces as usize,
         fade_s: config.dynamics.fade_time,
     }

@@ -178,6 +178,7 @@ fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, 
     particles.seed = script.seed;
     particles.wound.gap = script.tear.gap.unwrap_or(config.tear.gap * diagonal);
     let mut settings = tissue_settings(config, Some(particles));
+    settings.opening_s = script.tear.opening_time.unwrap_or(settings.opening_s);
     let network = &mut settings.network;
     network.frequency_hz = script.particles.frequency.unwrap_or(network.frequency_hz);
     network.damping_ratio = script.particles.damping.unwrap_or(network.damping_ratio);

@@ -25,6 +25,8 @@ pub struct TissueSettings {
     pub particles: Option<ParticleSettings>,
     /// Its springs.
     pub network: NetworkSettings,
+    /// Time in which a wound opens, seconds.
+    pub opening_s: f64,
     /// Faces a section.
     pub section_faces: usize,
     /// How long offsets take to fade after an edit, seconds (MATHS 2.2).
@@ -42,6 +44,10 @@ pub struct SoftLayer {
     pub strips: Strips,
     /// Displacements and velocities.
     pub network: Network,
+    /// How far each wound particle has opened towards its rest displacement, in its anchor's rest frame, metres.
+    pub opening: Vec<DVec3>,
+    /// Time in which a wound opens, seconds: 95 % of the way (MATHS 3.3). 0: at once.
+    pub opening_s: f64,
     /// Largest sum of weights that the limit of influences cut off at a vertex when the map was built.
     pub truncation_error: f64,
 }
@@ -79,6 +85,7 @@ pub struct Tissue {
     versions: Versions,
     scratch: TissueScratch,
     section_faces: usize,
+    opening_s: f64,
 }
 
 /// All that final positions depend on, apart from the mesh.
@@ -116,12 +123,35 @@ struct TissueScratch {
     grabs: Vec<(ParticleId, DVec3)>,
 }
 
+/// A wound this near to its full opening, as a fraction of the diagonal, has opened.
+const OPENED: f64 = 1e-7;
+
 /// The network of a map.
 fn topology(map: &ParticleMap) -> NetworkTopology {
     NetworkTopology::from_rows(map.len(), |p| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight)))
 }
 
 impl SoftLayer {
+    /// Moves every wound particle's opening towards its rest displacement, which the map may have changed.
+    fn open_wounds(&mut self, step_s: f64, diagonal: f64) {
+        self.opening.resize(self.map.len(), DVec3::ZERO);
+        // e^-3 is 5 % left
+        let left = if self.opening_s > 0.0 { (-3.0 * step_s / self.opening_s).exp() } else { 0.0 };
+        for (now, goal) in self.opening.iter_mut().zip(self.map.rest_displacement.iter()) {
+            let goal = DVec3::from_array(*goal);
+            if *now != goal {
+                let missing = (*now - goal) * left;
+                *now = if missing.length() > OPENED * diagonal { goal + missing } else { goal };
+            }
+        }
+    }
+
+    /// True while a wound opens.
+    pub fn is_opening(&self) -> bool {
+        let differ = |(now, goal): (&DVec3, &[f64; 3])| now.to_array() != *goal;
+        self.opening.len() != self.map.len() || self.opening.iter().zip(self.map.rest_displacement.iter()).any(differ)
+    }
+
     /// Displacements `u` of all particles, tissue space, metres.
     pub fn displacements(&self) -> &[DVec3] {
         bytemuck::cast_slice(self.network.displacements())
@@ -186,6 +216,7 @@ impl Tissue {
             versions: Versions { structure: 1, pose: 1, displacements: 1, fades: 1 },
             scratch: TissueScratch::default(),
             section_faces: settings.section_faces,
+            opening_s: settings.opening_s,
         };
         tissue.build_sections();
         let (low, high) = tissue.bounds();
@@ -205,7 +236,16 @@ impl Tissue {
         let (map, report) = ParticleMap::build(&self.mesh, &self.rest, &anchors, &settings);
         tracing::debug!(particles = anchors.len(), truncation = report.truncation_error, "soft layer");
         let network = Network::new(&topology(&map), network, self.diagonal)?;
-        Ok(SoftLayer { settings, map, strips: Strips::default(), network, truncation_error: report.truncation_error })
+        let (opening, opening_s) = (vec![DVec3::ZERO; map.len()], self.opening_s);
+        Ok(SoftLayer {
+            settings,
+            map,
+            strips: Strips::default(),
+            network,
+            opening,
+            opening_s,
+            truncation_error: report.truncation_error,
+        })
     }
 
     fn build_sections(&mut self) {
@@ -358,14 +398,12 @@ impl Tissue {
         let Some(layer) = &mut self.layer else { return };
         let TissueScratch { step, rest_displacements, held, .. } = &mut self.scratch;
         let followed: Vec<(DVec3, DVec3)> = held.iter().map(|h| (h.1, h.2)).collect();
+        layer.open_wounds(step_s, self.diagonal);
         rest_displacements.clear();
         for p in 0..layer.map.len() {
-            let (u0, anchor) = (DVec3::from_array(layer.map.rest_displacement[p]), layer.map.anchors[p]);
-            let mut rest = if u0 == DVec3::ZERO || anchor.is_none() {
-                DVec3::ZERO
-            } else {
-                self.pose.blended_linear(&self.rows, anchor) * u0
-            };
+            let (u0, anchor) = (layer.opening[p], layer.map.anchors[p]);
+            let moves = u0 != DVec3::ZERO && anchor.is_some();
+            let mut rest = if moves { self.pose.blended_linear(&self.rows, anchor) * u0 } else { DVec3::ZERO };
             if !followed.is_empty() && anchor.is_some() {
                 rest += target(self.pose.skin(&self.rows, anchor), &followed, layer.settings.spacing);
             }
@@ -380,7 +418,7 @@ impl Tissue {
 
     /// True if neither springs nor fades move the tissue.
     pub fn is_asleep(&self) -> bool {
-        !self.layer.as_ref().is_some_and(|l| l.network.awake()) && !self.fades.running(self.time_s)
+        !self.layer.as_ref().is_some_and(|l| l.network.awake() || l.is_opening()) && !self.fades.running(self.time_s)
     }
 
     /// Everything that edits have changed since the last call.
@@ -412,6 +450,7 @@ impl Tissue {
         hash.bytes(bytemuck::cast_slice(&self.fades.entries));
         if let Some(layer) = &self.layer {
             layer.network.hash_into(hash);
+            hash.bytes(bytemuck::cast_slice(&layer.opening));
         }
     }
 }

@@ -1,8 +1,7 @@
 //! Taking a tissue apart into connected pieces (MATHS 6). A piece copies the base parents that its rows use.
 
 use super::{SoftLayer, Tissue, topology};
-use crate::geometry::SlotCsr;
-use crate::geometry::{Components, Extraction, FaceId, TopologyScratch, VertexId};
+use crate::geometry::{Components, Extraction, FaceId, ParticleId, SlotCsr, TopologyScratch, VertexId};
 use crate::physics::Network;
 use crate::rig::{Fades, RowEntry, VertexRows};
 use glam::DVec3;
@@ -84,9 +83,19 @@ impl SoftLayer {
         strips = self.strips.extract(&map.vertex_from, &kept);
         let mut network = Network::new(&topology(&particles), self.network.settings(), piece.diagonal).ok()?;
         for (new, old) in kept.iter().enumerate().filter(|(_, old)| old.is_some()) {
-            let new = crate::geometry::ParticleId::new(new);
+            let new = ParticleId::new(new);
             network.set_state(new, self.network.displacement(*old), self.network.velocity(*old));
         }
-        Some(SoftLayer { settings: self.settings, map: particles, strips, network, truncation_error: self.truncation_error })
+        let opened = |old: &ParticleId| self.opening.get(old.index()).copied().unwrap_or_default();
+        let opening = kept.iter().map(opened).collect();
+        Some(SoftLayer {
+            opening,
+            opening_s: self.opening_s,
+            settings: self.settings,
+            map: particles,
+            strips,
+            network,
+            truncation_error: self.truncation_error,
+        })
     }
 }

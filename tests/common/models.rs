@@ -34,6 +34,7 @@ pub fn settings(model: &Model) -> TissueSettings {
     TissueSettings {
         particles: Some(ParticleSettings::with_spacing(spacing)),
         network: NetworkSettings::SOFT,
+        opening_s: 0.1,
         section_faces: 32,
         fade_s: 0.25,
     }
