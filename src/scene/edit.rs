@@ -58,7 +58,6 @@ pub(super) struct Before {
     area: f64,
     volume: f64,
     component_of_origin: Vec<u32>,
-    components: usize,
 }
 
 /// A stroke in progress through one tissue, with what it has changed so far.
@@ -158,7 +157,9 @@ impl Scene {
             if !stroke.has_torn() {
                 continue;
             }
-            report.outcome = report.outcome.max_tear(Outcome::Torn);
+            if report.outcome == Outcome::Missed {
+                report.outcome = Outcome::Torn;
+            }
             let severed = report.stages.time("components", || before.new_components(tissue));
             if !severed.is_empty() {
                 report.outcome = Outcome::Severed;
@@ -253,8 +254,9 @@ impl Scene {
         report.max_row_entries = self.tissues.values().map(Tissue::longest_row).max().unwrap_or(0);
         report.pieces = sides.into_iter().filter_map(|(id, side)| Some(piece_report(id, self.tissues.get(&id)?, side))).collect();
         if report.kind == "cut" {
-            let key = |p: &PieceReport| (std::cmp::Reverse(p.side), p.lowest_origin);
-            report.pieces.sort_by(|a, b| b.side.cmp(&a.side).then(b.area.total_cmp(&a.area)).then(key(a).cmp(&key(b))));
+            report
+                .pieces
+                .sort_by(|a, b| b.side.cmp(&a.side).then(b.area.total_cmp(&a.area)).then(a.lowest_origin.cmp(&b.lowest_origin)));
         }
     }
 }
@@ -295,12 +297,6 @@ fn shifted(plane: &Plane, offset: DVec3) -> Plane {
     }
 }
 
-impl Outcome {
-    fn max_tear(self, other: Outcome) -> Outcome {
-        if self == Outcome::Severed { self } else { other }
-    }
-}
-
 impl Before {
     fn of(tissue: &Tissue) -> Self {
         let m = tissue.measure_all();
@@ -317,15 +313,12 @@ impl Before {
                 }
             }
         }
-        Self { area: m.area, volume: m.volume, component_of_origin, components: faces.len() }
+        Self { area: m.area, volume: m.volume, component_of_origin }
     }
 
     /// Components that the stroke split off: of each component there was, all parts but the largest.
     fn new_components(&self, tissue: &Tissue) -> Vec<Vec<FaceId>> {
         let now = tissue.component_faces();
-        if now.len() <= self.components.min(1) {
-            return Vec::new();
-        }
         let old = |faces: &[FaceId]| {
             let origin = tissue.mesh().face_info(faces[0]).origin as usize;
             self.component_of_origin.get(origin).copied().unwrap_or(u32::MAX)

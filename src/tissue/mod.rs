@@ -237,15 +237,9 @@ impl Tissue {
         tracing::debug!(particles = anchors.len(), truncation = report.truncation_error, "soft layer");
         let network = Network::new(&topology(&map), network, self.diagonal)?;
         let (opening, opening_s) = (vec![DVec3::ZERO; map.len()], self.opening_s);
-        Ok(SoftLayer {
-            settings,
-            map,
-            strips: Strips::default(),
-            network,
-            opening,
-            opening_s,
-            truncation_error: report.truncation_error,
-        })
+        let mut strips = Strips::default();
+        strips.prepare(&self.mesh, &self.rest, &map, &settings);
+        Ok(SoftLayer { settings, map, strips, network, opening, opening_s, truncation_error: report.truncation_error })
     }
 
     fn build_sections(&mut self) {
