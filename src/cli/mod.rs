@@ -13,12 +13,22 @@ mod tear;
 
 use clap::{Parser, Subcommand};
 
+const AFTER_HELP: &str = "\
+Without a sub-command: the headless demo, pictures in out/.
+
+A MODEL is a .glb, .gltf, .obj or .stl file, or one of the bundled beam, heart and sphere. Lengths are in metres.
+Results go to stdout, everything else to stderr. Exit codes: 0 done, 1 the run failed, 2 bad usage or input.
+
+  incise inspect beam
+  incise cut heart --plane 1,0,0,0 --out pieces
+  incise headless --script assets/scripts/beam.toml --out pictures";
+
 /// Real-time tearing and cutting of soft, rigged, animated models.
 #[derive(Parser)]
-#[command(version, about, after_help = "Without a sub-command: the headless demo, pictures in out/.")]
+#[command(version, about, after_help = AFTER_HELP)]
 struct Arguments {
     /// More words on stderr; twice for all of them.
-    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    #[arg(short, long, action = clap::ArgAction::Count, global = true, display_order = 900)]
     verbose: u8,
     #[command(subcommand)]
     command: Option<Command>,
