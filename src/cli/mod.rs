@@ -80,7 +80,13 @@ pub fn main(allocations: fn() -> u64) -> u8 {
         }
     };
     let level = [tracing::Level::WARN, tracing::Level::INFO, tracing::Level::DEBUG][usize::from(arguments.verbose.min(2))];
-    tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).without_time().with_target(false).init();
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+        .without_time()
+        .with_target(false)
+        .init();
     let result = match arguments.command {
         Some(Command::Inspect(command)) => command.run(),
         Some(Command::Cut(command)) => command.run(),
