@@ -2,7 +2,7 @@
 
 use super::CliError;
 use crate::config::Config;
-use crate::formats::{self, Model};
+use crate::formats::{self, FormatError, Model};
 use crate::particles::ParticleSettings;
 use crate::physics::NetworkSettings;
 use crate::rig::Rig;
@@ -28,16 +28,16 @@ pub struct PoseArgs {
 #[derive(Args, Clone, Debug, Default)]
 pub struct ParticleArgs {
     /// Least distance of particles, metres (default: about 200 particles).
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     pub spacing: Option<f64>,
     /// Radius of a particle's influence, metres, above the spacing.
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     pub radius: Option<f64>,
     /// Distance up to which particles are joined by springs, metres.
-    #[arg(long, value_name = "METRES")]
+    #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     pub neighbours: Option<f64>,
     /// Seed of the sampling.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 }
 
@@ -52,14 +52,50 @@ impl ParticleArgs {
         settings.radius = self.radius.unwrap_or(settings.radius);
         settings.neighbours = self.neighbours.unwrap_or(settings.neighbours);
         settings.seed = self.seed;
-        settings.validate().map_err(CliError::input)?;
+        check_particles(&settings)?;
         Ok(settings)
     }
 }
 
-/// Loads a model and passes its warnings on.
+/// Checks particle settings and passes their warnings on.
+pub fn check_particles(settings: &ParticleSettings) -> Result<(), CliError> {
+    for warning in settings.validate().map_err(CliError::input)? {
+        tracing::warn!("{warning}");
+    }
+    Ok(())
+}
+
+/// Diagonal of a model's bounds at rest, metres.
+pub fn diagonal(model: &Model) -> f64 {
+    let rest = model.mesh.live_vertices().map(|v| model.rows.rest(v));
+    let (low, high) = rest.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
+    (high - low).length()
+}
+
+/// Checks a tear's width against the model that it is for.
+pub fn check_width(width: f64, diagonal: f64) -> Result<(), String> {
+    if !(width.is_finite() && width > 0.0) {
+        return Err("give a width above 0, in metres".into());
+    }
+    // A slit that wide has no shape: its mitred joints would reach past each other whatever the path.
+    if width > WIDEST * diagonal {
+        return Err(format!("more than {WIDEST} times the model's diagonal, {diagonal:.4e} m; widths are in metres"));
+    }
+    Ok(())
+}
+
+/// Widest slit, in diagonals of the model.
+const WIDEST: f64 = 10.0;
+
+/// Loads a model and passes its warnings on. Errors name the file.
 pub fn load(spec: &str) -> Result<Model, CliError> {
-    let model = formats::load(spec).map_err(CliError::input)?;
+    let model = formats::load(spec).map_err(|e| match e {
+        FormatError::NotFound { .. }
+        | FormatError::UnknownExtension { .. }
+        | FormatError::IsFolder { .. }
+        | FormatError::Io { .. } => CliError::input(e),
+        other => CliError::Input(format!("{spec}: {other}")),
+    })?;
     for warning in &model.report.warnings {
         tracing::warn!("{spec}: {warning}");
     }
@@ -71,7 +107,12 @@ pub fn find_animation(rig: &Rig, pose: &PoseArgs) -> Result<Option<usize>, CliEr
     if !pose.time.is_finite() {
         return Err(CliError::Input(format!("--time {}: give a finite number of seconds", pose.time)));
     }
-    let Some(name) = &pose.animation else { return Ok(None) };
+    let Some(name) = &pose.animation else {
+        if pose.time != 0.0 {
+            tracing::warn!("--time {} without --animation: the model is in its rest pose", pose.time);
+        }
+        return Ok(None);
+    };
     rig.animation_by_name(name).map(Some).ok_or_else(|| {
         let names: Vec<&str> = rig.animations.iter().map(|a| a.name.as_str()).collect();
         let known = if names.is_empty() { "the model has none".to_string() } else { format!("it has: {}", names.join(", ")) };
@@ -120,6 +161,23 @@ pub enum Format {
     Glb,
     /// Wavefront OBJ, in the given pose.
     Obj,
+}
+
+impl Format {
+    /// The format that was asked for, else the one that the file's ending names, else .glb.
+    pub fn of(asked: Option<Self>, file: &Path) -> Self {
+        let ending = file.extension().and_then(|e| e.to_str()).unwrap_or_default();
+        let named = match ending.to_ascii_lowercase().as_str() {
+            "glb" => Some(Self::Glb),
+            "obj" => Some(Self::Obj),
+            _ => None,
+        };
+        let format = asked.or(named).unwrap_or_default();
+        if named != Some(format) {
+            tracing::warn!("{} will hold {}, whatever its ending says", file.display(), format!("{format:?}").to_lowercase());
+        }
+        format
+    }
 }
 
 /// Writes a file, with its folder if that is missing.

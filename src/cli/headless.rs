@@ -1,16 +1,19 @@
 //! `incise headless`, and the demo of plain `incise`.
 
 use super::CliError;
-use super::common::{PoseArgs, find_animation, load, make_folder, print_line, tissue_settings, write_file};
+use super::common::{
+    PoseArgs, check_particles, check_width, diagonal, find_animation, load, make_folder, print_line, tissue_settings, write_file,
+};
 use super::report_json;
 use crate::app::{App, FrameReport};
 use crate::config::Config;
 use crate::formats::Model;
 use crate::gpu::{Bounds, Camera, GpuError};
 use crate::host::headless::{HeadlessTarget, run, visible_bounds};
-use crate::input::{CameraPose, Script, ScriptPlayer};
+use crate::input::{ActionKind, CameraPose, Script, ScriptPlayer};
 use crate::particles::ParticleSettings;
 use crate::scene::{Scene, SceneSettings};
+use crate::surgery::WallMode;
 use crate::tissue::Tissue;
 use clap::Args;
 use glam::DVec3;
@@ -31,8 +34,12 @@ pub struct Headless {
     /// Animation to play (default: the script's).
     #[arg(long, value_name = "NAME")]
     animation: Option<String>,
-    /// Number of frames (default: the script's; without a script 1).
+    /// Seed of the particle sampling (default: the script's).
     #[arg(long, value_name = "N")]
+    seed: Option<u64>,
+    /// Number of frames (default: the script's; without a script 1 s of the animation, or 1 frame at rest).
+    #[arg(long, value_name = "N", allow_negative_numbers = true,
+        value_parser = clap::value_parser!(u32).range(1..=i64::from(Script::MOST_FRAMES)))]
     frames: Option<u32>,
     /// Size of the pictures, pixels.
     #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = parse_size)]
@@ -47,12 +54,23 @@ pub struct Headless {
 impl Headless {
     /// What plain `incise` does: the bundled demo script into `out/`.
     pub fn demo() -> Self {
-        Self { model: None, script: None, animation: None, frames: None, size: (640, 480), out: "out".into(), demo: true }
+        Self {
+            model: None,
+            script: None,
+            animation: None,
+            seed: None,
+            frames: None,
+            size: (640, 480),
+            out: "out".into(),
+            demo: true,
+        }
     }
 
     pub fn run(mut self, allocations: fn() -> u64) -> Result<(), CliError> {
         let mut script = self.read_script()?;
-        script.frames = self.frames.or(script.frames).or((self.script.is_none() && !self.demo).then_some(1));
+        let rests = self.script.is_none() && !self.demo && self.animation.is_none();
+        script.frames = self.frames.or(script.frames).or(rests.then_some(1));
+        script.seed = self.seed.unwrap_or(script.seed);
         let (model, name) = self.read_model(&script)?;
         self.animation = self.animation.take().or(script.animation.take());
         let config = Config::default();
@@ -167,8 +185,16 @@ impl From<GpuError> for CliError {
 /// The scene of a script, and the width of its tears in metres.
 fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, f64), CliError> {
     let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(crate::geometry::VertexId::new(v))).collect();
-    let (low, high) = rest.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-    let diagonal = (high - low).length();
+    let diagonal = diagonal(&model);
+    let width = script.tear.width.unwrap_or(config.tear.width * diagonal);
+    let tears = script.actions.iter().any(|a| matches!(a.kind, ActionKind::Tear { .. }));
+    let in_script = |why: String| CliError::Input(format!("{}: [tear] {why}", script.origin.display()));
+    if tears {
+        check_width(width, diagonal).map_err(|why| in_script(format!("width = {width}: {why}")))?;
+        if script.tear.wall.unwrap_or(config.tear.wall) == WallMode::Closed {
+            return Err(in_script("wall = \"closed\": walls and floors are not built yet; use \"open\"".into()));
+        }
+    }
     let mut particles = match script.particles.spacing {
         Some(spacing) => ParticleSettings::with_spacing(spacing),
         None => ParticleSettings::for_model(&model.mesh, &rest),
@@ -177,6 +203,7 @@ fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, 
     particles.neighbours = script.particles.neighbours.unwrap_or(particles.neighbours);
     particles.seed = script.seed;
     particles.wound.gap = script.tear.gap.unwrap_or(config.tear.gap * diagonal);
+    check_particles(&particles)?;
     let mut settings = tissue_settings(config, Some(particles));
     settings.opening_s = script.tear.opening_time.unwrap_or(settings.opening_s);
     let network = &mut settings.network;
@@ -189,7 +216,7 @@ fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, 
         sample_distance: script.tear.sample_distance,
         sample_time: script.tear.sample_time,
     };
-    Ok((Scene::new(tissue, scene), script.tear.width.unwrap_or(config.tear.width * diagonal)))
+    Ok((Scene::new(tissue, scene), width))
 }
 
 /// Frames the model from the front.

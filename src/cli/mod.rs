@@ -13,12 +13,22 @@ mod tear;
 
 use clap::{Parser, Subcommand};
 
+const AFTER_HELP: &str = "\
+Without a sub-command: the headless demo, pictures in out/.
+
+A MODEL is a .glb, .gltf, .obj or .stl file, or one of the bundled beam, heart and sphere. Lengths are in metres.
+Results go to stdout, everything else to stderr. Exit codes: 0 done, 1 the run failed, 2 bad usage or input.
+
+  incise inspect beam
+  incise cut heart --plane 1,0,0,0 --out pieces
+  incise headless --script assets/scripts/beam.toml --out pictures";
+
 /// Real-time tearing and cutting of soft, rigged, animated models.
 #[derive(Parser)]
-#[command(version, about, after_help = "Without a sub-command: the headless demo, pictures in out/.")]
+#[command(version, about, after_help = AFTER_HELP)]
 struct Arguments {
     /// More words on stderr; twice for all of them.
-    #[arg(short, long, action = clap::ArgAction::Count, global = true)]
+    #[arg(short, long, action = clap::ArgAction::Count, global = true, display_order = 900)]
     verbose: u8,
     #[command(subcommand)]
     command: Option<Command>,
@@ -70,7 +80,13 @@ pub fn main(allocations: fn() -> u64) -> u8 {
         }
     };
     let level = [tracing::Level::WARN, tracing::Level::INFO, tracing::Level::DEBUG][usize::from(arguments.verbose.min(2))];
-    tracing_subscriber::fmt().with_max_level(level).with_writer(std::io::stderr).without_time().with_target(false).init();
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+        .without_time()
+        .with_target(false)
+        .init();
     let result = match arguments.command {
         Some(Command::Inspect(command)) => command.run(),
         Some(Command::Cut(command)) => command.run(),

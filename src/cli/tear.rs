@@ -1,13 +1,15 @@
 //! `incise tear`.
 
 use super::CliError;
-use super::common::{Format, ParticleArgs, PoseArgs, load, posed_scene, print_json, print_line, write_file};
+use super::common::{
+    Format, ParticleArgs, PoseArgs, check_width, diagonal, load, posed_scene, print_json, print_line, write_file,
+};
 use super::report_json;
 use crate::config::Config;
 use crate::formats::{ExportPiece, export_glb, export_obj};
 use crate::particles::map_json;
 use crate::scene::{EditCommand, Scene};
-use crate::surgery::{BladePath, write_boxes};
+use crate::surgery::{BladePath, PathError, write_boxes};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -45,9 +47,9 @@ pub struct Tear {
     /// The file to write.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Its format.
-    #[arg(long, value_enum, default_value_t)]
-    format: Format,
+    /// Its format (default: what its ending says, else glb).
+    #[arg(long, value_enum)]
+    format: Option<Format>,
     /// Write the tear's boxes, as OBJ.
     #[arg(long, value_name = "FILE.obj")]
     boxes: Option<PathBuf>,
@@ -61,17 +63,20 @@ pub struct Tear {
 
 impl Tear {
     pub fn run(self) -> Result<(), CliError> {
-        if !(self.width.is_finite() && self.width > 0.0) {
-            return Err(CliError::Input(format!("--width {}: give a width above 0, in metres", self.width)));
-        }
+        // before anything is read; against the model's size once that is known
+        self.check_width(f64::INFINITY)?;
         if self.wall == Wall::Closed {
             return Err(CliError::Input("--wall closed: walls and floors are not built yet; use --wall open".into()));
         }
         if self.no_particles && self.map_out.is_some() {
             return Err(CliError::Input("--map-out needs particles; leave --no-particles out".into()));
         }
-        let path = BladePath::load(&self.path).map_err(CliError::input)?;
+        let path = BladePath::load(&self.path).map_err(|e| match e {
+            PathError::Unreadable { .. } => CliError::input(e),
+            other => CliError::Input(format!("{}: {other}", self.path.display())),
+        })?;
         let model = load(&self.model)?;
+        self.check_width(diagonal(&model))?;
         let particles = if self.no_particles { None } else { Some(self.particles.settings(&model)?) };
         let mut scene = posed_scene(model, &self.pose, particles, &Config::default())?;
         scene.edit(EditCommand::StrokeBegin { width: self.width });
@@ -104,6 +109,10 @@ impl Tear {
         Ok(())
     }
 
+    fn check_width(&self, diagonal: f64) -> Result<(), CliError> {
+        check_width(self.width, diagonal).map_err(|why| CliError::Input(format!("--width {}: {why}", self.width)))
+    }
+
     fn write(&self, scene: &Scene) -> Result<f64, CliError> {
         let names: Vec<String> =
             scene.tissues().map(|(id, t)| if id.0 == 0 { t.name.clone() } else { format!("{}-{}", t.name, id.0) }).collect();
@@ -113,7 +122,7 @@ impl Tear {
             .map(|((_, t), name)| ExportPiece { name, mesh: t.mesh(), rows: t.rows(), materials: t.materials() })
             .collect();
         let Some((_, first)) = scene.tissues().next() else { return Ok(0.0) };
-        match self.format {
+        match Format::of(self.format, &self.out) {
             Format::Glb => {
                 let (bytes, exported) = export_glb(first.rig(), &parts, first.pose()).map_err(CliError::run)?;
                 write_file(&self.out, &bytes)?;

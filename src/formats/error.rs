@@ -29,6 +29,12 @@ pub enum FormatError {
         /// The file.
         path: PathBuf,
     },
+    /// A folder, where a file is wanted.
+    #[error("\"{path}\" is a folder; give a .glb, .gltf, .obj or .stl file in it")]
+    IsFolder {
+        /// The folder.
+        path: PathBuf,
+    },
     /// A file could not be read or written.
     #[error("cannot read \"{path}\": {source}; check that the file exists and may be read")]
     Io {

@@ -101,6 +101,9 @@ pub fn load(spec: &str) -> Result<Model, FormatError> {
         if let Some(bytes) = procedural::bundled(spec) {
             return load_bytes(bytes, Format::Gltf, spec, None);
         }
+        if path.is_dir() {
+            return Err(FormatError::IsFolder { path: path.into() });
+        }
         if !path.exists() {
             return Err(FormatError::NotFound { spec: spec.into(), bundled: BUNDLED.join(", ") });
         }

@@ -37,7 +37,7 @@ impl ScriptPlayer {
                 );
             }
             if matches!(action.kind, ActionKind::Cut { cap: true, .. }) {
-                tracing::info!("line {}: caps are not built yet; the pieces stay open", action.line);
+                tracing::warn!("line {}: caps are not built yet; the pieces stay open (cap = false asks for that)", action.line);
             }
         }
         let camera = CameraPose {

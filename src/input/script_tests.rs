@@ -49,7 +49,7 @@ poses = [ { t = 0.0, tip = [0,0,0], base = [0,0.2,0] }, { t = 1.0, tip = [0.1,0,
 kind = "cut"
 at = 2
 plane = [0, 2, 0, 1]
-cap = true
+cap = false
 [[action]]
 kind = "cut"
 at = 2.5
@@ -102,9 +102,9 @@ fn the_whole_format_parses() {
     assert_eq!(path.poses()[1], BladePose { t: 1.0, tip: DVec3::X * 0.1, base: DVec3::new(0.1, 0.2, 0.0) });
     assert_eq!(s.actions[1].end(), 1.5);
     let y = CutPlane { normal: DVec3::Y, distance: 0.5 };
-    assert_eq!(s.actions[2].kind, ActionKind::Cut { plane: y, cap: true });
+    assert_eq!(s.actions[2].kind, ActionKind::Cut { plane: y, cap: false });
     let z = CutPlane { normal: DVec3::Z, distance: 1.0 };
-    assert_eq!(s.actions[3].kind, ActionKind::Cut { plane: z, cap: false });
+    assert_eq!(s.actions[3].kind, ActionKind::Cut { plane: z, cap: true }, "caps are the default");
     let ActionKind::Grab { moves, .. } = &s.actions[4].kind else { panic!() };
     assert_eq!(Motion::sample(moves, DVec3::ZERO, 0.25), DVec3::Y * 0.5);
     assert_eq!(Motion::sample(moves, DVec3::ZERO, 9.0), DVec3::Y);

@@ -350,7 +350,7 @@ fn action(spanned: Spanned<RawAction>, line: usize) -> Checked<Action> {
     let context = Context { kind, at, span };
     let kind = match kind {
         Kind::Tear => ActionKind::Tear { path: blade_path(context.need("poses", raw.poses.as_ref())?)? },
-        Kind::Cut => ActionKind::Cut { plane: plane(&raw, &context)?, cap: raw.cap.is_some_and(Spanned::into_inner) },
+        Kind::Cut => ActionKind::Cut { plane: plane(&raw, &context)?, cap: raw.cap.is_none_or(Spanned::into_inner) },
         Kind::Grab => ActionKind::Grab {
             center: context.point("center", raw.center.as_ref())?,
             radius: context.radius(&raw)?,

@@ -192,15 +192,17 @@ impl Update<'_, '_> {
         true
     }
 
-    /// Bounds of the new strips, extended, and of all vertices made or removed.
+    /// Bounds of the new strips, extended, and of all vertices made or removed and all lips: a slit that was cut in a bent
+    /// pose may leave lips outside its strip.
     fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let mut bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let mut grow = |low: DVec3, high: DVec3| bounds = (bounds.0.min(low), bounds.1.max(high));
         for k in self.edit.new_strips.clone().filter(|&k| k < self.strips.len()) {
             grow(self.strips.geometry(k).low, self.strips.geometry(k).high);
         }
-        let touched = self.edit.new_vertices.iter().map(|n| n.vertex).chain(self.edit.removed_vertices.iter().copied());
-        for v in touched {
+        let made = self.edit.new_vertices.iter().map(|n| n.vertex);
+        let lips = self.edit.lips.iter().map(|l| l.vertex);
+        for v in made.chain(lips).chain(self.edit.removed_vertices.iter().copied()) {
             grow(self.rest[v.index()], self.rest[v.index()]);
         }
         (bounds.0.cmple(bounds.1).all()).then_some(bounds)
@@ -344,12 +346,16 @@ impl Update<'_, '_> {
             let links = &mut self.scratch.links;
             links.clear();
             links.extend(row.iter().filter(|&link| !cut(link)));
-            let removed = row.len() - links.len();
-            if removed > 0 {
-                let both_ends = row.iter().filter(|link| cut(link) && link.particle > j).count();
-                self.map.neighbours.set_row(j.index(), &self.scratch.links);
-                self.report.links_removed += both_ends;
-                self.report.particles_changed.push(j);
+            if links.len() == row.len() {
+                continue;
+            }
+            // Both rows lose the link now: a lip of the strip before may be known to lie across and yet be out of reach.
+            let lost: Vec<ParticleId> = row.iter().filter(|&link| cut(link)).map(|link| link.particle).collect();
+            self.map.neighbours.set_row(j.index(), links);
+            self.report.links_removed += lost.len();
+            self.report.particles_changed.push(j);
+            for other in lost {
+                self.remove_link(other, j);
             }
         }
     }
@@ -358,17 +364,21 @@ impl Update<'_, '_> {
     fn unlink(&mut self, j: ParticleId) {
         let row = self.map.neighbours.row(j.index()).to_vec();
         for link in &row {
-            let k = link.particle;
-            let links = &mut self.scratch.links;
-            links.clear();
-            links.extend(self.map.neighbours.row(k.index()).iter().filter(|l| l.particle != j));
-            self.map.neighbours.set_row(k.index(), links);
-            self.report.particles_changed.push(k);
+            self.remove_link(link.particle, j);
         }
         if !row.is_empty() {
             self.map.neighbours.set_row(j.index(), &[]);
             self.report.links_removed += row.len();
         }
+    }
+
+    /// Removes `j` from the neighbours of `of`.
+    fn remove_link(&mut self, of: ParticleId, j: ParticleId) {
+        let links = &mut self.scratch.links;
+        links.clear();
+        links.extend(self.map.neighbours.row(of.index()).iter().filter(|l| l.particle != j));
+        self.map.neighbours.set_row(of.index(), links);
+        self.report.particles_changed.push(of);
     }
 
     /// Appends a particle; its links are found by [`Update::link_particles`].

@@ -90,7 +90,10 @@ impl StripGeometry {
             if self.height(t, lip).abs() > 4.0 * own_height + 1e-9 * extent {
                 return self.triangle_crosses(t, lip, x);
             }
-            self.side(t, x) != known.side && line_meets(self.triangles[t], lip, x)
+            // The lip's mirror image is on the known side, and the segment from there ends at x: the line through the lip
+            // itself goes on for ever, and met strips far from either end.
+            let mirrored = lip - self.normals[t].normalize_or_zero() * (2.0 * self.height(t, lip));
+            self.side(t, x) != known.side && line_meets(self.triangles[t], mirrored, x)
         })
     }
 
@@ -157,6 +160,19 @@ mod tests {
     /// A strip in the plane y = 0 from x = 0 to 1, tip at z = -1, base at z = 0; side +1 is towards -y.
     fn strip(d: f64) -> StripGeometry {
         StripGeometry::new([DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 0.0), DVec3::ZERO], d)
+    }
+
+    #[test]
+    fn a_lip_of_the_strip_before_is_not_known_beyond_its_reach() {
+        let strip = strip(0.2);
+        // a bend of the slit has left the lip on the other side of this strip's plane
+        let lip = |x: f64| LinkEnd { at: DVec3::new(x, -0.01, -0.5), side: Some(KnownSide { side: -1, own: false }) };
+        // the line through both goes on to the strip, the link does not
+        assert!(!strip.crosses_link(lip(-0.9), point(DVec3::new(-0.6, -0.008, -0.5))));
+        assert!(!strip.crosses_link(point(DVec3::new(-1.2, -0.012, -0.5)), lip(-0.9)));
+        // at the joint it is known still
+        assert!(strip.crosses_link(lip(0.001), point(DVec3::new(0.1, -0.2, -0.5))));
+        assert!(!strip.crosses_link(lip(0.001), point(DVec3::new(0.1, 0.2, -0.5))));
     }
 
     fn point(at: DVec3) -> LinkEnd {

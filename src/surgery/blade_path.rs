@@ -107,11 +107,13 @@ pub struct BladePath {
 }
 
 #[derive(Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 struct RawPath {
     poses: Vec<RawPose>,
 }
 
 #[derive(Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 struct RawPose {
     t: f64,
     tip: [f64; 3],

@@ -1,0 +1,276 @@
+//! cut and tear.
+
+use super::files::{ACROSS_THE_BEAM, PAST_THE_BEAM, TETRAHEDRON, THROUGH_THE_BEAM};
+use super::models::check_map;
+use super::support::{Is, Place, close, count, files_in, has, list, number};
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// The keys that every edit has.
+pub fn check_edit(edit: &Value) {
+    has(
+        edit,
+        &[
+            (Is::Text, &["outcome"]),
+            (Is::Count, &["vertices", "faces", "new_vertices", "promoted_vertices", "intersection_points"]),
+            (Is::Count, &["max_row_entries", "faces_visited", "bytes_uploaded"]),
+            (Is::Number, &["area_before", "volume_before"]),
+            (Is::List, &["pieces"]),
+            (Is::Object, &["time_ms"]),
+        ],
+    );
+    has(&edit["time_ms"], &[(Is::Number, &["total"])]);
+    for piece in list(&edit["pieces"]) {
+        has(
+            piece,
+            &[
+                (Is::Count, &["faces", "boundary_edges", "non_manifold_edges", "degenerate_faces"]),
+                (Is::Number, &["area", "volume"]),
+                (Is::Flag, &["closed"]),
+                (Is::MaybeText, &["side"]),
+            ],
+        );
+    }
+    assert_eq!(list(&edit["pieces"]).iter().map(|p| count(&p["faces"])).sum::<u64>(), count(&edit["faces"]));
+}
+
+fn check_tear(edit: &Value) {
+    check_edit(edit);
+    has(edit, &[(Is::Number, &["export_deviation"])]);
+    for segment in list(&edit["segments"]) {
+        let rows: &[&str] = &["perform_tear", "update_particles", "disconnect_particles", "bind", "update_mesh", "total"];
+        has(segment, &[(Is::Number, rows)]);
+    }
+}
+
+fn areas(edit: &Value) -> f64 {
+    list(&edit["pieces"]).iter().map(|p| number(&p["area"])).sum()
+}
+
+/// Cuts, and checks the report against the files that were written.
+fn cut(place: &Place, model: &str, arguments: &str, ending: &str) -> Value {
+    let edit = place.ok_json(&format!("cut {model} {arguments} --out pieces-{ending} --format {ending}"));
+    check_edit(&edit);
+    has(&edit, &[(Is::Number, &["max_plane_distance", "export_deviation"])]);
+    let pieces = list(&edit["pieces"]);
+    let names: Vec<String> = (0..pieces.len()).map(|i| format!("piece-{i}.{ending}")).collect();
+    assert_eq!(files_in(&place.path(&format!("pieces-{ending}"))), names);
+    for (name, piece) in names.iter().zip(pieces) {
+        let found = place.ok_json(&format!("inspect pieces-{ending}/{name}"));
+        assert_eq!(count(&found["faces"]), count(&piece["faces"]), "{model} {name}");
+        assert_eq!(count(&found["boundary_edges"]), count(&piece["boundary_edges"]), "{model} {name}");
+        assert_eq!(count(&found["non_manifold_edges"]), 0, "{model} {name}");
+        if !arguments.contains("--time") {
+            close(number(&found["area"]), number(&piece["area"]), 1e-5);
+        }
+    }
+    edit
+}
+
+#[test]
+fn cuts_add_up_and_their_pieces_come_in_order() {
+    for (model, arguments, pieces) in [
+        ("beam", "--plane 1,0.15,0.1,0.12", 2),
+        ("beam", "--plane 1,0.15,0.1,0.12 --animation bend --time 0.7", 2),
+        ("sphere", "--plane -1,2,0.5,0.1 --no-particles", 2),
+        ("heart", "--plane 1,0.1,0,0 --animation beat --time 0.3", 4),
+    ] {
+        let place = Place::new();
+        let edit = cut(&place, model, arguments, "glb");
+        assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("cut"), pieces), "{model}");
+        let whole = number(&edit["area_before"]);
+        close(areas(&edit), whole, 1e-6);
+        assert!(number(&list(&edit["pieces"])[0]["area"]) < 0.9 * whole, "one piece alone is not the whole");
+        let diagonal = number(&place.ok_json(&format!("inspect {model}"))["bounds"]["diagonal"]);
+        assert!(number(&edit["max_plane_distance"]) < 1e-6 * diagonal, "{edit}");
+        assert!(count(&edit["new_vertices"]) > 0 && count(&edit["max_row_entries"]) <= 3);
+        let key = |p: &Value| (p["side"] == "negative", -number(&p["area"]));
+        let keys: Vec<_> = list(&edit["pieces"]).iter().map(key).collect();
+        assert!(keys.is_sorted_by(|a, b| a <= b), "positive first, then the larger: {keys:?}");
+        assert!(keys[0].0 != keys[pieces - 1].0, "both sides are there");
+    }
+}
+
+#[test]
+fn obj_pieces_hold_the_given_pose() {
+    let place = Place::new();
+    let arguments = "--plane 1,0,0,0.12 --animation bend --time 0.7";
+    let edit = cut(&place, "beam", arguments, "obj");
+    for (i, piece) in list(&edit["pieces"]).iter().enumerate() {
+        let found = place.ok_json(&format!("inspect pieces-obj/piece-{i}.obj"));
+        close(number(&found["area"]), number(&piece["area"]), 1e-6);
+        let (low, high) = (number(&found["bounds"]["min"][0]), number(&found["bounds"]["max"][0]));
+        let side = if piece["side"] == "positive" { low } else { high };
+        assert!((side - 0.12).abs() < 1e-6, "it ends on the plane: {found}");
+        assert_eq!(count(&found["joints"]), 0);
+    }
+}
+
+#[test]
+fn the_files_of_a_cut_animated_model_are_still_animated() {
+    let place = Place::new();
+    cut(&place, "beam", "--plane 1,0,0,0.12", "glb");
+    for i in 0..2 {
+        let found = place.ok_json(&format!("inspect pieces-glb/piece-{i}.glb"));
+        assert_eq!((count(&found["joints"]), count(&found["skins"])), (3, 1));
+        assert_eq!(found["animations"][0]["name"], "bend");
+        let again =
+            place.ok_json(&format!("cut pieces-glb/piece-{i}.glb --plane 0,0,1,0.01 --animation bend --time 0.7 --out again"));
+        assert_eq!(again["outcome"], "cut");
+        close(areas(&again), number(&again["area_before"]), 1e-6);
+    }
+}
+
+#[test]
+fn a_plane_that_misses_changes_nothing() {
+    for ending in ["glb", "obj"] {
+        let place = Place::new();
+        let edit = cut(&place, "beam", "--plane -1,0,0,9", ending);
+        let whole = place.ok_json("inspect beam");
+        assert_eq!(edit["outcome"], "missed");
+        assert_eq!((count(&edit["faces"]), count(&edit["vertices"])), (2816, count(&whole["vertices_welded"])));
+        assert_eq!((list(&edit["pieces"]).len(), count(&edit["new_vertices"])), (1, 0));
+        let piece = place.ok_json(&format!("inspect pieces-{ending}/piece-0.{ending}"));
+        assert_eq!(piece["vertices_welded"], whole["vertices_welded"]);
+        close(number(&piece["area"]), number(&whole["area"]), 1e-6);
+    }
+}
+
+#[test]
+fn caps_are_asked_for_in_vain_but_not_in_silence() {
+    let place = Place::new();
+    let ran = place.run("cut sphere --plane 0,1,0,0 --cap --out pieces --json");
+    assert_eq!(ran.code, 0);
+    assert!(ran.stderr.contains("caps are not built yet"), "{}", ran.stderr);
+    let edit: Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert!(list(&edit["pieces"]).iter().all(|p| p["closed"] == false), "and the report does not claim one");
+}
+
+#[test]
+fn a_posed_beam_is_torn_and_stays_rigged() {
+    let place = Place::new();
+    place.write("path.json", ACROSS_THE_BEAM);
+    let edit = place.ok_json(
+        "tear beam --path path.json --width 0.004 --animation bend --time 0.7 --out torn.glb --boxes boxes.obj --map-out map.json",
+    );
+    check_tear(&edit);
+    assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("torn"), 1));
+    assert!(!list(&edit["segments"]).is_empty() && count(&edit["max_row_entries"]) <= 3);
+    let removed = number(&edit["area_removed"]);
+    assert!(removed > 0.0);
+    close(areas(&edit) + removed, number(&edit["area_before"]), 1e-6);
+    let piece = &edit["pieces"][0];
+    let found = place.ok_json("inspect torn.glb");
+    assert_eq!((count(&found["joints"]), count(&found["skins"])), (3, 1));
+    assert_eq!((found["animations"][0]["name"].as_str(), found["animations"][0]["duration"].as_f64()), (Some("bend"), Some(2.0)));
+    assert_eq!((count(&found["non_manifold_edges"]), count(&found["components"])), (0, 1));
+    assert!(count(&found["boundary_edges"]) > 0);
+    for key in ["faces", "boundary_edges"] {
+        assert_eq!(found[key], piece[key], "{key}");
+    }
+    check_boxes(&place.read("boxes.obj"), list(&edit["segments"]).len());
+    let map = place.json("map.json");
+    check_map(&map);
+    assert!(!list(&map["strips"]).is_empty());
+    assert_eq!(list(&map["vertices"]).len() as u64, count(&edit["vertices"]));
+}
+
+/// Boxes are named, closed, outward, and given with 17 digits.
+fn check_boxes(text: &str, at_least: usize) {
+    let mut points: Vec<[f64; 3]> = Vec::new();
+    let mut boxes: BTreeMap<String, Vec<[usize; 3]>> = BTreeMap::new();
+    let mut name = String::new();
+    for line in text.lines() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words[..] {
+            ["o", object] => name = object.to_string(),
+            ["v", x, y, z] => points.push([x, y, z].map(|w| w.parse().unwrap())),
+            ["f", a, b, c] => {
+                boxes
+                    .entry(name.clone())
+                    .or_default()
+                    .push([a, b, c].map(|w| w.split('/').next().unwrap().parse::<usize>().unwrap() - 1));
+            }
+            ["f", ..] => panic!("{line} is no triangle"),
+            _ => {}
+        }
+    }
+    assert!(boxes.len() >= at_least, "{} boxes for {at_least} segments", boxes.len());
+    assert!(boxes.contains_key("chain0_box0"), "{:?}", boxes.keys());
+    for (name, faces) in &boxes {
+        let (chain, index) = name.strip_prefix("chain").and_then(|n| n.split_once("_box")).unwrap();
+        assert!(chain.parse::<u32>().is_ok() && index.parse::<u32>().is_ok(), "{name}");
+        let edges: Vec<(usize, usize)> = faces.iter().flat_map(|f| (0..3).map(move |k| (f[k], f[(k + 1) % 3]))).collect();
+        assert!(edges.iter().all(|&(a, b)| edges.iter().filter(|&&e| e == (b, a)).count() == 1), "{name} is closed");
+        let volume = |f: &[usize; 3]| {
+            let [a, b, c] = f.map(|v| glam::DVec3::from(points[v]));
+            a.dot(b.cross(c)) / 6.0
+        };
+        assert!(faces.iter().map(volume).sum::<f64>() > 0.0, "{name} faces outward");
+    }
+    let longest = text.lines().filter(|l| l.starts_with("v ")).flat_map(|l| l.split(' ')).map(|w| w.split('e').next().unwrap());
+    let digits = |w: &str| w.trim_start_matches(['-', '0', '.']).bytes().filter(u8::is_ascii_digit).count();
+    assert!(longest.map(digits).max() >= Some(16), "17 significant digits");
+}
+
+#[test]
+fn a_tear_right_through_severs() {
+    let place = Place::new();
+    place.write("path.json", THROUGH_THE_BEAM);
+    let edit = place.ok_json("tear beam --path path.json --width 0.004 --out torn.glb");
+    check_tear(&edit);
+    assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("severed"), 2));
+    let found = place.ok_json("inspect torn.glb");
+    assert_eq!((count(&found["components"]), count(&found["faces"])), (2, count(&edit["faces"])));
+    assert_eq!((count(&found["joints"]), count(&found["skins"])), (3, 1), "both pieces hang on one skeleton");
+    close(areas(&edit) + number(&edit["area_removed"]), number(&edit["area_before"]), 1e-6);
+}
+
+#[test]
+fn a_blade_that_never_touches_changes_nothing() {
+    let place = Place::new();
+    place.write("path.json", PAST_THE_BEAM);
+    let whole = place.ok_json("inspect beam");
+    for ending in ["glb", "obj"] {
+        let edit = place.ok_json(&format!("tear beam --path path.json --width 0.004 --out same.{ending} --map-out map.json"));
+        check_tear(&edit);
+        assert_eq!(edit["outcome"], "missed");
+        assert_eq!((count(&edit["new_vertices"]), number(&edit["area_removed"])), (0, 0.0));
+        let found = place.ok_json(&format!("inspect same.{ending}"));
+        for key in ["faces", "vertices_welded", "closed"] {
+            assert_eq!(found[key], whole[key], "{ending}: {key}");
+        }
+        assert!(list(&place.json("map.json")["strips"]).is_empty());
+    }
+}
+
+#[test]
+fn a_static_model_tears_without_particles_into_obj() {
+    let place = Place::new();
+    place.write("solid.obj", TETRAHEDRON);
+    place.write(
+        "path.json",
+        r#"{"poses":[{"t":0,"tip":[0.3,0.1,-0.5],"base":[0.3,2,-0.5]},{"t":1,"tip":[0.3,0.1,1.5],"base":[0.3,2,1.5]}]}"#,
+    );
+    let edit = place.ok_json("tear solid.obj --path path.json --width 0.05 --no-particles --out torn.obj --wall open");
+    check_tear(&edit);
+    assert_eq!(edit["outcome"], "torn");
+    let found = place.ok_json("inspect torn.obj");
+    assert_eq!((found["faces"].as_u64(), count(&found["non_manifold_edges"])), (edit["faces"].as_u64(), 0));
+    assert!(place.read("torn.obj").lines().any(|l| l.starts_with("f ")), "the ending says OBJ");
+}
+
+#[test]
+fn edits_give_the_same_bits_whatever_the_thread_count() {
+    let place = Place::new();
+    place.write("path.json", ACROSS_THE_BEAM);
+    let tear = |name: &str, time: &str, threads: &str| {
+        let arguments =
+            format!("tear beam --path path.json --width 0.004 --animation bend --time {time} --out {name} --map-out {name}.json");
+        assert_eq!(place.run_with(&arguments, &[("RAYON_NUM_THREADS", threads)]).code, 0);
+        (std::fs::read(place.path(name)).unwrap(), place.read(&format!("{name}.json")))
+    };
+    let one = tear("one.glb", "0.7", "1");
+    assert!(one == tear("four.glb", "0.7", "4"));
+    assert!(one != tear("other.glb", "0.8", "4"));
+}
