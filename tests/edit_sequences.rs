@@ -72,7 +72,7 @@ impl Run {
         self.scene.tissues().flat_map(seen).collect()
     }
 
-    fn command(&mut self, command: EditCommand) -> Result<Option<incise::scene::EditReport>, TestCaseError> {
+    fn command(&mut self, command: EditCommand) -> Result<Vec<incise::scene::EditReport>, TestCaseError> {
         let before = self.seen();
         let report = self.scene.edit(command);
         for (id, v, p) in before {
@@ -98,7 +98,7 @@ impl Run {
                 self.wait(2);
             }
         }
-        let report = self.command(EditCommand::StrokeEnd)?;
+        let report = self.command(EditCommand::StrokeEnd)?.pop();
         Ok(report.map_or(Outcome::Missed, |r| r.outcome))
     }
 }
@@ -113,7 +113,7 @@ fn run(model: usize, steps: &[Step]) -> Result<(), TestCaseError> {
             Step::Cut { normal, at } => {
                 let plane = Plane::Equation { normal: *normal, offset: normal.dot(run.half * *at) };
                 let before = run.scene.tissues().map(|(_, t)| t.measure_all().area).sum::<f64>();
-                let report = run.command(EditCommand::Cut(plane))?.unwrap();
+                let report = run.command(EditCommand::Cut(plane))?.pop().unwrap();
                 let after = report.pieces.iter().map(|p| p.area).sum::<f64>();
                 prop_assert!((after - before).abs() <= 1e-6 * before, "areas {before} {after}");
                 prop_assert!(report.max_plane_distance.unwrap() <= 1e-6 * run.diagonal);

@@ -78,3 +78,27 @@ fn a_resting_scene_sleeps() {
     let (_, reports) = play("model = \"beam\"\nframes = 5\n");
     assert!(reports.iter().all(|r| r.counters.particles_awake == 0 && r.edits.is_empty()));
 }
+
+/// A cut while a blade is in the tissue ends the stroke: history stays a sequence and can be taken back.
+#[test]
+fn a_cut_ends_a_stroke_in_progress() {
+    use incise::geometry::Plane;
+    use incise::scene::{EditCommand, Outcome};
+    use incise::surgery::BladePose;
+    let (mut scene, _) = scene("beam", 800);
+    scene.pose(0.0, 0.0);
+    let untouched = scene.edit_hash();
+    scene.edit(EditCommand::StrokeBegin { width: 0.01 });
+    for k in 0..6 {
+        let tip = DVec3::new(-0.1 + 0.04 * f64::from(k), 0.02, 0.0);
+        scene.edit(EditCommand::StrokePose(BladePose { t: f64::from(k) * 0.1, tip, base: tip + DVec3::Y * 0.3 }));
+    }
+    let reports = scene.edit(EditCommand::Cut(Plane::Equation { normal: DVec3::X, offset: 0.02 }));
+    assert_eq!(reports.iter().map(|r| r.outcome).collect::<Vec<_>>(), [Outcome::Torn, Outcome::Cut]);
+    scene.validate().unwrap();
+    assert_eq!(scene.undo_depth(), 2);
+    scene.edit(EditCommand::Undo);
+    scene.edit(EditCommand::Undo);
+    scene.validate().unwrap();
+    assert_eq!(scene.edit_hash(), untouched);
+}

@@ -50,7 +50,7 @@ impl Cut {
             tracing::warn!("--cap: caps are not built yet; the pieces stay open along the cut");
         }
         make_folder(&self.out)?;
-        let report = scene.edit(EditCommand::Cut(plane)).unwrap_or_default();
+        let report = scene.edit(EditCommand::Cut(plane)).pop().unwrap_or_default();
         let deviation = self.write_pieces(&scene, &report)?;
         if self.json {
             let mut value = report_json::edit(&report);

@@ -83,7 +83,7 @@ impl Tear {
         for pose in path.poses() {
             scene.edit(EditCommand::StrokePose(*pose));
         }
-        let report = scene.edit(EditCommand::StrokeEnd).unwrap_or_default();
+        let report = scene.edit(EditCommand::StrokeEnd).pop().unwrap_or_default();
         let deviation = self.write(&scene)?;
         if let Some(file) = &self.boxes {
             let mut bytes = Vec::new();

@@ -86,22 +86,26 @@ fn note_delta(
 }
 
 impl Scene {
-    /// Carries out a command. Returns a report when an edit is complete: at the end of a stroke, after a cut, undo, redo or
-    /// reset.
-    pub fn edit(&mut self, command: EditCommand) -> Option<EditReport> {
+    /// Carries out a command. Returns the reports of the edits that it completed: of a stroke at its end, of a cut, an undo, a
+    /// redo, a reset. Those four end a stroke that is in progress, so that history stays a sequence.
+    pub fn edit(&mut self, command: EditCommand) -> Vec<EditReport> {
+        let mut reports = Vec::new();
+        if matches!(command, EditCommand::Cut(_) | EditCommand::Undo | EditCommand::Redo | EditCommand::Reset) {
+            reports.extend(self.end_stroke());
+        }
         match command {
             EditCommand::StrokeBegin { width } => self.begin_stroke(width),
             EditCommand::StrokePose(pose) => self.stroke_pose(pose),
-            EditCommand::StrokeEnd => return self.end_stroke(),
-            EditCommand::Cut(plane) => return Some(self.cut(&plane)),
-            EditCommand::Undo => return Some(self.step_history("undo", Outcome::Undone, Self::undo)),
-            EditCommand::Redo => return Some(self.step_history("redo", Outcome::Redone, Self::redo)),
-            EditCommand::Reset => return Some(self.step_history("reset", Outcome::Reset, Self::reset)),
+            EditCommand::StrokeEnd => reports.extend(self.end_stroke()),
+            EditCommand::Cut(plane) => reports.push(self.cut(&plane)),
+            EditCommand::Undo => reports.push(self.step_history("undo", Outcome::Undone, Self::undo)),
+            EditCommand::Redo => reports.push(self.step_history("redo", Outcome::Redone, Self::redo)),
+            EditCommand::Reset => reports.push(self.step_history("reset", Outcome::Reset, Self::reset)),
             EditCommand::GrabBegin { id, center, radius } => self.begin_grab(id, center, radius),
             EditCommand::GrabMove { id, by } => self.move_grab(id, by),
             EditCommand::GrabEnd { id } => self.end_grab(id),
         }
-        None
+        reports
     }
 
     fn step_history(&mut self, kind: &'static str, outcome: Outcome, step: impl FnOnce(&mut Self) -> bool) -> EditReport {
