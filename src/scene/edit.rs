@@ -111,8 +111,9 @@ impl Scene {
     }
 
     fn step_history(&mut self, kind: &'static str, step: impl FnOnce(&mut Self) -> bool) -> Option<EditReport> {
+        let before = self.tissues.values().map(Tissue::measure_all).fold((0.0, 0.0), |(a, v), m| (a + m.area, v + m.volume));
         let moved = step(self);
-        let mut report = EditReport { kind, ..EditReport::default() };
+        let mut report = EditReport { kind, area_before: before.0, volume_before: before.1, ..EditReport::default() };
         report.outcome = if moved { Outcome::Cut } else { Outcome::Missed };
         self.finish_report(&mut report, Vec::new());
         Some(report)
@@ -171,9 +172,14 @@ impl Scene {
         Some(report)
     }
 
-    /// Cuts every tissue along `plane` (model space).
+    /// Cuts every tissue along `plane` (model space). Misses while a stroke is in progress: their deltas would be one inside
+    /// the other, and neither could be undone alone.
     fn cut(&mut self, plane: &Plane) -> EditReport {
         let mut report = EditReport { kind: "cut", max_plane_distance: Some(0.0), ..EditReport::default() };
+        if !self.strokes.is_empty() {
+            self.finish_report(&mut report, Vec::new());
+            return report;
+        }
         let mut unit = Unit::default();
         let mut sides = Vec::new();
         for id in self.tissues.keys().copied().collect::<Vec<_>>() {
