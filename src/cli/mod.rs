@@ -11,7 +11,9 @@ mod particles;
 mod report_json;
 mod tear;
 
+use crate::config::Config;
 use clap::{Parser, Subcommand};
+use std::path::{Path, PathBuf};
 
 const AFTER_HELP: &str = "\
 Without a sub-command: the headless demo, pictures in out/.
@@ -30,6 +32,9 @@ struct Arguments {
     /// More words on stderr; twice for all of them.
     #[arg(short, long, action = clap::ArgAction::Count, global = true, display_order = 900)]
     verbose: u8,
+    /// Settings (default: config.toml in the current folder, if there is one).
+    #[arg(long, value_name = "FILE.toml", global = true, display_order = 901)]
+    config: Option<PathBuf>,
     #[command(subcommand)]
     command: Option<Command>,
 }

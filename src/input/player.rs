@@ -63,11 +63,22 @@ impl ScriptPlayer {
         for i in 0..self.script.actions.len() {
             let at = self.script.actions[i].at;
             // a hair of tolerance, so that 0.5 s is frame 45 of 90 however the step was rounded
-            if now + 1e-9 >= at && !self.progress[i].ended {
+            if now + 1e-9 >= at && !self.progress[i].ended && !self.waits(i) {
                 self.act(i, now, &mut input);
             }
         }
         input
+    }
+
+    /// An edit that falls into a tear waits until the blade is lifted: a stroke is one unit of undo.
+    fn waits(&self, i: usize) -> bool {
+        use ActionKind::{Cut, Redo, Reset, Tear, Undo};
+        let edits = |i: usize| matches!(self.script.actions[i].kind, Tear { .. } | Cut { .. } | Undo | Redo | Reset);
+        let tearing = |k: usize| {
+            let progress = self.progress[k];
+            matches!(self.script.actions[k].kind, Tear { .. }) && progress.begun && !progress.ended
+        };
+        edits(i) && (0..self.progress.len()).any(|k| k != i && tearing(k))
     }
 
     fn act(&mut self, i: usize, now: f64, input: &mut InputFrame) {

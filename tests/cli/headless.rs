@@ -1,7 +1,7 @@
 //! Scripts played without a window.
 
 use super::edits::check_edit;
-use super::support::{Is, Place, count, files_in, has, list, number};
+use super::support::{Is, Place, close, count, files_in, has, list, number};
 use serde_json::Value;
 
 const SIZE: &str = "--size 64x48";
@@ -87,6 +87,9 @@ fn a_script_leaves_pictures_and_a_report() {
     let edit = |i: usize| &report["edits"][i];
     assert_eq!(count(&edit(1)["faces"]), 2816, "undo brings the beam back");
     assert_eq!(edit(2)["faces"], edit(0)["faces"], "redo tears it again");
+    let area = |e: &Value| number(&e["pieces"][0]["area"]);
+    close(number(&edit(1)["area_before"]), area(edit(0)), 0.02); // two frames of the animation lie between
+    assert!(area(edit(1)) > 1.001 * number(&edit(1)["area_before"]), "what was torn out is back");
     assert!(list(&report["frames"])[11]["counters"]["particles_awake"].as_u64() > Some(0), "a hand wakes the layer");
 
     // again, and with another number of threads: the same bits
@@ -118,6 +121,19 @@ fn undo_returns_exactly() {
     let reset = play(9, &format!("{TEAR}{cut}{}", action("reset", 0.8, "")), "reset");
     assert_ne!(none, torn);
     assert_eq!((&undone, &redone, &reset), (&none, &torn, &none));
+}
+
+#[test]
+fn an_edit_that_falls_into_a_tear_waits_for_its_end() {
+    let place = Place::new();
+    let cut = action("cut", 0.2, "plane = [1.0, 0.0, 0.0, 0.12]\ncap = false");
+    let undo = |at: f64| action("undo", at, "");
+    script(&place, 10, &format!("{TEAR}{cut}{}{}", undo(0.6), undo(0.7)));
+    let report = play(&place, "mixed");
+    let found: Vec<(u64, &str)> =
+        list(&report["edits"]).iter().map(|e| (count(&e["frame"]), e["kind"].as_str().unwrap())).collect();
+    assert_eq!(found, [(4, "tear"), (4, "cut"), (6, "undo"), (7, "undo")]);
+    assert_eq!(count(&report["edits"][3]["faces"]), 2816, "both are taken back");
 }
 
 #[test]
