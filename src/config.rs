@@ -138,8 +138,6 @@ pub struct RenderSettings {
     pub width: u32,
     /// Height of a picture, pixels.
     pub height: u32,
-    /// Background colour: linear red, green, blue, 0 to 1.
-    pub background: [f64; 3],
 }
 
 impl Default for TearSettings {
@@ -150,7 +148,7 @@ impl Default for TearSettings {
 
 impl Default for ParticleSettings {
     fn default() -> Self {
-        Self { count: 200, radius: 2.0, neighbours: 2.0 }
+        Self { count: 200, radius: 1.75, neighbours: 2.5 }
     }
 }
 
@@ -174,7 +172,7 @@ impl Default for SectionSettings {
 
 impl Default for RenderSettings {
     fn default() -> Self {
-        Self { width: 1280, height: 720, background: [0.02, 0.03, 0.04] }
+        Self { width: 640, height: 480 }
     }
 }
 
@@ -228,9 +226,6 @@ impl Config {
         rules.range("sections.faces", f64::from(sections.faces), 1.0, 1e9, "1 or more");
         rules.range("render.width", f64::from(render.width), 1.0, 16384.0, "from 1 to 16384 pixels");
         rules.range("render.height", f64::from(render.height), 1.0, 16384.0, "from 1 to 16384 pixels");
-        for value in render.background {
-            rules.range("render.background", value, 0.0, 1.0, "from 0 to 1 each");
-        }
         rules.0
     }
 
@@ -290,7 +285,6 @@ mod tests {
             ("[sampling]\ntime = 0.0", "sampling.time"),
             ("[dynamics.firm]\nfrequency = 0\ndamping = 1\ncoupling = 1", "dynamics.firm.frequency"),
             ("[render]\nwidth = 0", "render.width"),
-            ("[render]\nbackground = [0, 2, 0]", "render.background"),
         ] {
             assert!(error(text).contains(key), "{text}: {}", error(text));
         }

@@ -3,6 +3,7 @@
 use super::CliError;
 use crate::config::Config;
 use crate::formats::{self, FormatError, Model};
+use crate::input::ParticleOverrides;
 use crate::particles::ParticleSettings;
 use crate::physics::NetworkSettings;
 use crate::rig::Rig;
@@ -42,19 +43,36 @@ pub struct ParticleArgs {
 }
 
 impl ParticleArgs {
-    /// Settings for a model: its defaults, with what was given.
-    pub fn settings(&self, model: &Model) -> Result<ParticleSettings, CliError> {
-        let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(crate::geometry::VertexId::new(v))).collect();
-        let mut settings = match self.spacing {
-            Some(spacing) => ParticleSettings::with_spacing(spacing),
-            None => ParticleSettings::for_model(&model.mesh, &rest),
+    /// Settings for a model: the configuration's, with what was given.
+    pub fn settings(&self, model: &Model, config: &Config) -> Result<ParticleSettings, CliError> {
+        let given = ParticleOverrides {
+            spacing: self.spacing,
+            radius: self.radius,
+            neighbours: self.neighbours,
+            ..ParticleOverrides::default()
         };
-        settings.radius = self.radius.unwrap_or(settings.radius);
-        settings.neighbours = self.neighbours.unwrap_or(settings.neighbours);
-        settings.seed = self.seed;
-        check_particles(&settings)?;
-        Ok(settings)
+        particle_settings(model, config, &given, self.seed)
     }
+}
+
+/// Particle settings for a model: the configuration's, with what a user or a script gives.
+pub fn particle_settings(
+    model: &Model,
+    config: &Config,
+    given: &ParticleOverrides,
+    seed: u64,
+) -> Result<ParticleSettings, CliError> {
+    let spacing = given.spacing.unwrap_or_else(|| {
+        let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(crate::geometry::VertexId::new(v))).collect();
+        ParticleSettings::for_count(&model.mesh, &rest, config.particles.count as usize).spacing
+    });
+    let mut settings = ParticleSettings::with_spacing(spacing);
+    settings.radius = given.radius.unwrap_or(config.particles.radius * spacing);
+    settings.neighbours = given.neighbours.unwrap_or(config.particles.neighbours * spacing);
+    settings.wound.gap = config.tear.gap * diagonal(model);
+    settings.seed = seed;
+    check_particles(&settings)?;
+    Ok(settings)
 }
 
 /// Checks particle settings and passes their warnings on.

@@ -41,11 +41,11 @@ pub struct Cut {
 }
 
 impl Cut {
-    pub fn run(self) -> Result<(), CliError> {
+    pub fn run(self, config: &Config) -> Result<(), CliError> {
         let plane = parse_plane(&self.plane)?;
         let model = load(&self.model)?;
-        let particles = if self.no_particles { None } else { Some(self.particles.settings(&model)?) };
-        let mut scene = posed_scene(model, &self.pose, particles, &Config::default())?;
+        let particles = if self.no_particles { None } else { Some(self.particles.settings(&model, config)?) };
+        let mut scene = posed_scene(model, &self.pose, particles, config)?;
         if self.cap {
             tracing::warn!("--cap: caps are not built yet; the pieces stay open along the cut");
         }

@@ -2,7 +2,8 @@
 
 use super::CliError;
 use super::common::{
-    PoseArgs, check_particles, check_width, diagonal, find_animation, load, make_folder, print_line, tissue_settings, write_file,
+    PoseArgs, check_particles, check_width, diagonal, find_animation, load, make_folder, particle_settings, print_line,
+    tissue_settings, write_file,
 };
 use super::report_json;
 use crate::app::{App, FrameReport};
@@ -11,7 +12,6 @@ use crate::formats::Model;
 use crate::gpu::{Bounds, Camera, GpuError};
 use crate::host::headless::{HeadlessTarget, run, visible_bounds};
 use crate::input::{ActionKind, CameraPose, Script, ScriptPlayer};
-use crate::particles::ParticleSettings;
 use crate::scene::{Scene, SceneSettings};
 use crate::surgery::WallMode;
 use crate::tissue::Tissue;
@@ -41,9 +41,9 @@ pub struct Headless {
     #[arg(long, value_name = "N", allow_negative_numbers = true,
         value_parser = clap::value_parser!(u32).range(1..=i64::from(Script::MOST_FRAMES)))]
     frames: Option<u32>,
-    /// Size of the pictures, pixels.
-    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = parse_size)]
-    size: (u32, u32),
+    /// Size of the pictures, pixels (default: the configuration's, 640x480).
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<(u32, u32)>,
     /// Folder for frame-0000.png, ... and report.json.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -54,34 +54,25 @@ pub struct Headless {
 impl Headless {
     /// What plain `incise` does: the bundled demo script into `out/`.
     pub fn demo() -> Self {
-        Self {
-            model: None,
-            script: None,
-            animation: None,
-            seed: None,
-            frames: None,
-            size: (640, 480),
-            out: "out".into(),
-            demo: true,
-        }
+        Self { model: None, script: None, animation: None, seed: None, frames: None, size: None, out: "out".into(), demo: true }
     }
 
-    pub fn run(mut self, allocations: fn() -> u64) -> Result<(), CliError> {
+    pub fn run(mut self, config: &Config, allocations: fn() -> u64) -> Result<(), CliError> {
         let mut script = self.read_script()?;
         let rests = self.script.is_none() && !self.demo && self.animation.is_none();
         script.frames = self.frames.or(script.frames).or(rests.then_some(1));
         script.seed = self.seed.unwrap_or(script.seed);
         let (model, name) = self.read_model(&script)?;
         self.animation = self.animation.take().or(script.animation.take());
-        let config = Config::default();
+        let size = self.size.unwrap_or((config.render.width, config.render.height));
         let pose = PoseArgs { animation: self.animation.clone(), time: 0.0 };
         let animation = find_animation(&model.rig, &pose)?;
-        let (mut scene, width) = make_scene(model, &script, &config)?;
+        let (mut scene, width) = make_scene(model, &script, config)?;
         scene.set_animation(animation);
         scene.pose(0.0, 0.0);
         let mut app = App::new(scene, script.speed, allocations);
-        let camera = default_camera(&app, &script, self.size);
-        let mut target = HeadlessTarget::new(self.size, camera).map_err(CliError::run)?;
+        let camera = default_camera(&app, &script, size);
+        let mut target = HeadlessTarget::new(size, camera).map_err(CliError::run)?;
         make_folder(&self.out)?;
         let default = CameraPose { eye: camera.eye, target: camera.target, up: camera.up, fov_y: camera.fov_y };
         let reports = self.play(&mut app, &mut target, ScriptPlayer::new(script, width, default))?;
@@ -120,7 +111,7 @@ impl Headless {
         } else {
             indicatif::ProgressBar::hidden()
         };
-        let size = self.size;
+        let size = target.size();
         let reports = run(
             app,
             target,
@@ -184,7 +175,6 @@ impl From<GpuError> for CliError {
 
 /// The scene of a script, and the width of its tears in metres.
 fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, f64), CliError> {
-    let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(crate::geometry::VertexId::new(v))).collect();
     let diagonal = diagonal(&model);
     let width = script.tear.width.unwrap_or(config.tear.width * diagonal);
     let tears = script.actions.iter().any(|a| matches!(a.kind, ActionKind::Tear { .. }));
@@ -195,14 +185,8 @@ fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, 
             return Err(in_script("wall = \"closed\": walls and floors are not built yet; use \"open\"".into()));
         }
     }
-    let mut particles = match script.particles.spacing {
-        Some(spacing) => ParticleSettings::with_spacing(spacing),
-        None => ParticleSettings::for_model(&model.mesh, &rest),
-    };
-    particles.radius = script.particles.radius.unwrap_or(particles.radius);
-    particles.neighbours = script.particles.neighbours.unwrap_or(particles.neighbours);
-    particles.seed = script.seed;
-    particles.wound.gap = script.tear.gap.unwrap_or(config.tear.gap * diagonal);
+    let mut particles = particle_settings(&model, config, &script.particles, script.seed)?;
+    particles.wound.gap = script.tear.gap.unwrap_or(particles.wound.gap);
     check_particles(&particles)?;
     let mut settings = tissue_settings(config, Some(particles));
     settings.opening_s = script.tear.opening_time.unwrap_or(settings.opening_s);

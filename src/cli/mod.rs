@@ -92,16 +92,34 @@ pub fn main(allocations: fn() -> u64) -> u8 {
         .without_time()
         .with_target(false)
         .init();
-    let result = match arguments.command {
+    let result = load_config(arguments.config.as_deref()).and_then(|config| run(arguments.command, &config, allocations));
+    match result {
+        Ok(()) => 0,
+        Err(CliError::Input(message)) => complain(&message, 2),
+        Err(CliError::Run(message)) => complain(&message, 1),
+    }
+}
+
+/// The file that was named, else `config.toml` in the current folder, else the defaults.
+fn load_config(named: Option<&Path>) -> Result<Config, CliError> {
+    let here = Path::new("config.toml");
+    match named.or_else(|| here.is_file().then_some(here)) {
+        Some(path) => Config::load(path).map_err(CliError::input),
+        None => Ok(Config::default()),
+    }
+}
+
+fn run(command: Option<Command>, config: &Config, allocations: fn() -> u64) -> Result<(), CliError> {
+    match command {
         Some(Command::Inspect(command)) => command.run(),
-        Some(Command::Cut(command)) => command.run(),
-        Some(Command::Tear(command)) => command.run(),
-        Some(Command::Particles(command)) => command.run(),
+        Some(Command::Cut(command)) => command.run(config),
+        Some(Command::Tear(command)) => command.run(config),
+        Some(Command::Particles(command)) => command.run(config),
         Some(Command::Generate(command)) => command.run(),
         #[cfg(feature = "gpu")]
-        Some(Command::Headless(command)) => command.run(allocations),
+        Some(Command::Headless(command)) => command.run(config, allocations),
         #[cfg(feature = "gpu")]
-        None => headless::Headless::demo().run(allocations),
+        None => headless::Headless::demo().run(config, allocations),
         #[cfg(not(feature = "gpu"))]
         None => {
             let _ = allocations;
@@ -109,11 +127,6 @@ pub fn main(allocations: fn() -> u64) -> u8 {
                 "this build draws no pictures; give a sub-command (see --help), or build with the feature `gpu`".into(),
             ))
         }
-    };
-    match result {
-        Ok(()) => 0,
-        Err(CliError::Input(message)) => complain(&message, 2),
-        Err(CliError::Run(message)) => complain(&message, 1),
     }
 }
 

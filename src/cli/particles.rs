@@ -25,11 +25,11 @@ pub struct Particles {
 }
 
 impl Particles {
-    pub fn run(self) -> Result<(), CliError> {
+    pub fn run(self, config: &Config) -> Result<(), CliError> {
         let model = load(&self.model)?;
-        let settings = self.particles.settings(&model)?;
+        let settings = self.particles.settings(&model, config)?;
         let mut stages = crate::diagnostics::Stages::default();
-        let scene = stages.time("sample_and_map", || posed_scene(model, &self.pose, Some(settings), &Config::default()))?;
+        let scene = stages.time("sample_and_map", || posed_scene(model, &self.pose, Some(settings), config))?;
         let Some((_, tissue)) = scene.tissues().next() else { return Ok(()) };
         let Some(layer) = tissue.layer() else { return Ok(()) };
         let quality = sample_quality(tissue.mesh(), tissue.rest_positions(), &layer.map.anchors, settings.spacing);

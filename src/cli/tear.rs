@@ -62,7 +62,7 @@ pub struct Tear {
 }
 
 impl Tear {
-    pub fn run(self) -> Result<(), CliError> {
+    pub fn run(self, config: &Config) -> Result<(), CliError> {
         // before anything is read; against the model's size once that is known
         self.check_width(f64::INFINITY)?;
         if self.wall == Wall::Closed {
@@ -77,8 +77,8 @@ impl Tear {
         })?;
         let model = load(&self.model)?;
         self.check_width(diagonal(&model))?;
-        let particles = if self.no_particles { None } else { Some(self.particles.settings(&model)?) };
-        let mut scene = posed_scene(model, &self.pose, particles, &Config::default())?;
+        let particles = if self.no_particles { None } else { Some(self.particles.settings(&model, config)?) };
+        let mut scene = posed_scene(model, &self.pose, particles, config)?;
         scene.edit(EditCommand::StrokeBegin { width: self.width });
         for pose in path.poses() {
             scene.edit(EditCommand::StrokePose(*pose));

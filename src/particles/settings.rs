@@ -95,7 +95,12 @@ impl ParticleSettings {
     /// Defaults for a model: a spacing that makes about [`DEFAULT_PARTICLES`]. `rest` has a position for every vertex
     /// slot. A model without area takes the spacing from its bounds; one without extent gets a spacing of 1.
     pub fn for_model(mesh: &Mesh, rest: &[DVec3]) -> Self {
-        Self::with_spacing(spacing_for_count(mesh, rest, DEFAULT_PARTICLES))
+        Self::for_count(mesh, rest, DEFAULT_PARTICLES)
+    }
+
+    /// Defaults for a model with about `count` particles.
+    pub fn for_count(mesh: &Mesh, rest: &[DVec3], count: usize) -> Self {
+        Self::with_spacing(spacing_for_count(mesh, rest, count))
     }
 
     /// Checks the rules; `Ok` carries warnings for a reader.
