@@ -1,3 +1,4 @@
+# shellcheck shell=bash
 # Shared by scripts/run and scripts/test: what a machine needs, and how to get it. Sourced, not run.
 # Works with bash 3.2 and up. Everything it says goes to stderr, so that a command's stdout stays its own.
 #
@@ -129,6 +130,21 @@ need_system() {
         say "Install them with: sudo apt-get install $missing"
     fi
     return 1
+}
+
+# Mesa asks for XDG_RUNTIME_DIR and complains on stderr where there is none, as on servers and in containers: a folder of our
+# own will do. It stays empty, so a later run may find it again.
+need_runtime_dir() {
+    wants_vulkan && [ -z "${XDG_RUNTIME_DIR:-}" ] || return 0
+    local dir
+    dir="${TMPDIR:-/tmp}/incise-runtime-$(id -u)"
+    mkdir -m 700 "$dir" 2>/dev/null || true
+    # Whoever made it, it has to be ours and a folder, no link to one.
+    if [ ! -O "$dir" ] || [ -L "$dir" ] || [ ! -d "$dir" ]; then
+        dir=$(mktemp -d "${TMPDIR:-/tmp}/incise-runtime.XXXXXX") || return 0
+    fi
+    chmod 700 "$dir"
+    export XDG_RUNTIME_DIR="$dir"
 }
 
 can_install() {

@@ -36,3 +36,8 @@ pub mod rig;
 pub mod scene;
 pub mod surgery;
 pub mod tissue;
+
+/// The examples of the README, as tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
