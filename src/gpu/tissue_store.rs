@@ -266,7 +266,7 @@ impl GpuTissue {
         self.needs_deform |= fading || self.record.flags & FADING != 0;
         let flag = |on: bool, bit: u32| if on { bit } else { 0 };
         let time_high = if fading { view.time_s as f32 } else { 0.0 };
-        let size = self.rest_bounds.size();
+        let size = view.diagonal;
         self.world_from_tissue = view.world_from_tissue;
         self.record = TissueRecord {
             world_from_tissue: TissueRecord::rows_of(view.world_from_tissue),
@@ -336,12 +336,6 @@ impl RestBounds {
             all = all.union(transformed(*joint, |p| matrix.transform(p)));
         }
         all
-    }
-
-    /// Length of the diagonal at rest.
-    fn size(&self) -> f64 {
-        let all = self.joints.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
-        if all.is_empty() { 0.0 } else { (all.max - all.min).length() }
     }
 }
 

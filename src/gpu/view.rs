@@ -74,6 +74,9 @@ pub struct TissueView<'a> {
     pub pose: &'a Pose,
     /// Materials, by [`crate::geometry::FaceInfo::material`]. Empty: flesh.
     pub materials: &'a [MaterialView<'a>],
+    /// Diagonal of the model it comes from, metres: what the size of surface detail is measured by, so that a piece looks as
+    /// it did before it came off.
+    pub diagonal: f64,
     /// Where the tissue stands.
     pub world_from_tissue: DAffine3,
     /// See [`ViewVersions`].

@@ -154,6 +154,7 @@ fn tissue_view<'a>(tissue: &'a Tissue, materials: &'a [MaterialView<'a>]) -> Tis
         time_s: tissue.time_s(),
         pose: tissue.pose(),
         materials,
+        diagonal: tissue.diagonal(),
         world_from_tissue: DAffine3::from_translation(tissue.offset()),
         versions: ViewVersions {
             pose: versions.pose,

@@ -64,6 +64,7 @@ impl Model {
             time_s: self.time_s,
             pose: &self.pose,
             materials: &self.materials,
+            diagonal: self.diagonal(),
             world_from_tissue: self.world_from_tissue,
             versions: self.versions,
         }
