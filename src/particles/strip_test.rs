@@ -57,10 +57,12 @@ impl StripGeometry {
 
     /// True if the segment from `a` to `b` crosses the strip. A point in the plane of a triangle counts as on side +1.
     pub fn crosses(&self, a: DVec3, b: DVec3) -> bool {
-        if a.max(b).cmplt(self.low).any() || a.min(b).cmpgt(self.high).any() {
-            return false;
-        }
-        (0..2).any(|t| self.triangle_crosses(t, a, b))
+        !self.is_beside(a, b) && (0..2).any(|t| self.triangle_crosses(t, a, b))
+    }
+
+    /// True if the bounds of a link and of the strip are apart.
+    fn is_beside(&self, a: DVec3, b: DVec3) -> bool {
+        a.max(b).cmplt(self.low).any() || a.min(b).cmpgt(self.high).any()
     }
 
     /// [`Self::crosses`] for ends that may know their side.
@@ -76,6 +78,11 @@ impl StripGeometry {
     /// A lip vertex may lie in the strip, or beyond it by rounding or because the slit was cut in a bent pose: there its
     /// known side stands in for geometry.
     fn lip_crosses(&self, lip: DVec3, known: KnownSide, x: DVec3) -> bool {
+        // A link beside the strip's bounds is none of its business, however the lip is known from the strip before: the
+        // updates look at links that reach into the bounds, and no further.
+        if !known.own && self.is_beside(lip, x) {
+            return false;
+        }
         let squared = self.triangles.map(|t| distance_squared_to_triangle(lip, t));
         let nearest = usize::from(squared[1] < squared[0]);
         let own_height = self.height(nearest, lip).abs();
