@@ -198,7 +198,8 @@ impl Update<'_, '_> {
         let mut bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let mut grow = |low: DVec3, high: DVec3| bounds = (bounds.0.min(low), bounds.1.max(high));
         for k in self.edit.new_strips.clone().filter(|&k| k < self.strips.len()) {
-            grow(self.strips.geometry(k).low, self.strips.geometry(k).high);
+            let strip = self.strips.geometry(k);
+            grow(strip.low - strip.margin, strip.high + strip.margin);
         }
         let made = self.edit.new_vertices.iter().map(|n| n.vertex);
         let lips = self.edit.lips.iter().map(|l| l.vertex);

@@ -14,6 +14,8 @@ pub struct StripGeometry {
     pub low: DVec3,
     /// Bounds of both triangles.
     pub high: DVec3,
+    /// How far outside of the bounds a lip of a neighbouring strip may lie and still be known by its side, metres.
+    pub margin: f64,
 }
 
 /// One end of a link: where it is, and the side it is known to be on for lip vertices.
@@ -47,7 +49,7 @@ impl StripGeometry {
         let corners = [tip0, tip1, base1, base0];
         let low = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
         let high = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
-        Self { triangles, normals, low, high }
+        Self { triangles, normals, low, high, margin: 0.25 * d }
     }
 
     /// Unit normal towards side +1, zero for a strip without area.
@@ -57,12 +59,12 @@ impl StripGeometry {
 
     /// True if the segment from `a` to `b` crosses the strip. A point in the plane of a triangle counts as on side +1.
     pub fn crosses(&self, a: DVec3, b: DVec3) -> bool {
-        !self.is_beside(a, b) && (0..2).any(|t| self.triangle_crosses(t, a, b))
+        !self.is_beside(a, b, 0.0) && (0..2).any(|t| self.triangle_crosses(t, a, b))
     }
 
-    /// True if the bounds of a link and of the strip are apart.
-    fn is_beside(&self, a: DVec3, b: DVec3) -> bool {
-        a.max(b).cmplt(self.low).any() || a.min(b).cmpgt(self.high).any()
+    /// True if the bounds of a link and of the strip are more than `margin` apart.
+    fn is_beside(&self, a: DVec3, b: DVec3, margin: f64) -> bool {
+        a.max(b).cmplt(self.low - margin).any() || a.min(b).cmpgt(self.high + margin).any()
     }
 
     /// [`Self::crosses`] for ends that may know their side.
@@ -78,9 +80,9 @@ impl StripGeometry {
     /// A lip vertex may lie in the strip, or beyond it by rounding or because the slit was cut in a bent pose: there its
     /// known side stands in for geometry.
     fn lip_crosses(&self, lip: DVec3, known: KnownSide, x: DVec3) -> bool {
-        // A link beside the strip's bounds is none of its business, however the lip is known from the strip before: the
+        // A link well beside the strip's bounds is none of its business, whatever side the lip has of the strip before: the
         // updates look at links that reach into the bounds, and no further.
-        if !known.own && self.is_beside(lip, x) {
+        if !known.own && self.is_beside(lip, x, self.margin) {
             return false;
         }
         let squared = self.triangles.map(|t| distance_squared_to_triangle(lip, t));
