@@ -115,9 +115,11 @@ impl Scene {
             report.area_before += measured.area;
             report.volume_before += measured.volume;
         }
+        let travelled = self.history.travelled_bytes;
         if report.stages.time(kind, || step(self)) {
             report.outcome = outcome;
         }
+        report.bytes_uploaded = self.history.travelled_bytes - travelled;
         self.finish_report(&mut report, Vec::new());
         report
     }

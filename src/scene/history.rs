@@ -23,6 +23,8 @@ pub(super) struct Unit {
 pub(super) struct History {
     undo: Vec<Unit>,
     redo: Vec<Unit>,
+    /// Bytes that a GPU mirror needed to follow undone and redone units, in all.
+    pub travelled_bytes: usize,
 }
 
 impl Scene {
@@ -78,22 +80,26 @@ impl Scene {
     /// Applies a unit's changes, last to first, and returns the unit that leads back.
     fn travel(&mut self, unit: Unit) -> Unit {
         let mut inverse = Unit::default();
+        let mut bytes = 0;
         for change in unit.changes.into_iter().rev() {
             inverse.changes.push(match change {
                 Change::Edited(id, deltas) => {
                     let inverse = self.tissues.get_mut(&id).map_or_else(Vec::new, |t| t.travel(deltas));
+                    bytes += inverse.iter().map(|d| d.upload_bytes()).sum::<usize>();
                     if let Some(changes) = &mut self.changes {
                         changes.extend(inverse.iter().map(|d| (id, d.clone())));
                     }
                     Change::Edited(id, inverse)
                 }
                 Change::Made(id, Some(tissue)) => {
+                    bytes += tissue.full_upload_bytes();
                     self.tissues.insert(id, *tissue);
                     Change::Made(id, None)
                 }
                 Change::Made(id, None) => Change::Made(id, self.tissues.remove(&id).map(Box::new)),
             });
         }
+        self.history.travelled_bytes += bytes;
         inverse
     }
 }
