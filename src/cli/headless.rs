@@ -134,6 +134,7 @@ impl Headless {
             .map(|(frame, edit)| {
                 let mut value = report_json::edit(edit);
                 value["frame"] = json!(frame);
+                value["export_deviation"] = json!(null); // nothing is exported
                 value
             })
             .collect();

@@ -52,7 +52,8 @@ fn check(stored: &Stored) -> Result<(), FormatError> {
             return Err(FormatError::TooLarge { what, count: count as u64, limit: LIMIT });
         }
     }
-    match stored.positions.iter().position(|p| !p.is_finite()) {
+    // f32 carries what the GPU is given: beyond its range a position is as bad as an infinite one
+    match stored.positions.iter().position(|p| !p.as_vec3().is_finite()) {
         Some(v) => Err(FormatError::NotFinite { what: format!("the position of vertex {v}") }),
         None => Ok(()),
     }

@@ -9,7 +9,8 @@ use glam::DVec3;
 /// How good a Poisson-disk set is. Lengths in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SampleQuality {
-    /// Least distance of two samples of one sheet (joined by a path within twice the spacing); infinite if none are.
+    /// Least distance of two samples of one sheet: joined by a path no further away than the spacing or than they are apart.
+    /// Infinite if none are.
     pub min_spacing_same_sheet: f64,
     /// Least distance of any two samples, whatever their sheets; infinite for fewer than two.
     pub min_spacing_euclidean: f64,
@@ -32,18 +33,24 @@ pub fn sample_quality(mesh: &Mesh, rest: &[DVec3], samples: &[VertexId], spacing
         index[v.index()] = j as u32;
     }
     let mut flood = Flood::default();
-    for (j, &sample) in samples.iter().enumerate() {
+    for &sample in samples {
         let centre = rest[sample.index()];
-        for &v in flood.ball(mesh, rest, sample, 2.0 * spacing) {
-            let distance = rest[v.index()].distance(centre);
+        for &v in flood.ball(mesh, rest, sample, spacing) {
             let at = &mut nearest_sample[v.index()];
-            *at = at.min(distance);
-            let other = index[v.index()] as usize;
-            if v != sample && other < samples.len() {
-                nearest[j] = nearest[j].min(distance);
-                nearest[other] = nearest[other].min(distance);
-            }
+            *at = at.min(rest[v.index()].distance(centre));
         }
+    }
+    // joined by a path near the vertex only, or by none within the spacing
+    for v in mesh.live_vertices() {
+        let mut reach = spacing;
+        while nearest_sample[v.index()] == f64::INFINITY && reach <= 4.0 * spacing {
+            let found = flood.ball(mesh, rest, v, reach).iter().filter(|u| index[u.index()] != u32::MAX);
+            nearest_sample[v.index()] = found.map(|u| rest[u.index()].distance(rest[v.index()])).fold(f64::INFINITY, f64::min);
+            reach *= 2.0;
+        }
+    }
+    for (j, &sample) in samples.iter().enumerate() {
+        nearest[j] = nearest_on_sheet(mesh, rest, sample, spacing, &index, &mut flood);
     }
     let area: f64 = mesh.live_faces().map(|f| face_area(mesh.face(f).map(|v| rest[v.index()]))).sum();
     let hexagonal = (2.0 * area / (3f64.sqrt() * samples.len().max(1) as f64)).sqrt();
@@ -54,6 +61,20 @@ pub fn sample_quality(mesh: &Mesh, rest: &[DVec3], samples: &[VertexId], spacing
         radius_ratio: if hexagonal > 0.0 { spacing / hexagonal } else { 0.0 },
         nearest_cv: variation(&nearest),
     }
+}
+
+/// Distance of `sample` from the nearest other one of its sheet: joined by a path that goes no further from `sample` than the
+/// spacing or that other one, whichever is more. So the far side of a thin plate is another sheet, though a path round the
+/// rim leads there. Infinite if there is none within twice the spacing.
+fn nearest_on_sheet(mesh: &Mesh, rest: &[DVec3], sample: VertexId, spacing: f64, index: &[u32], flood: &mut Flood) -> f64 {
+    let centre = rest[sample.index()];
+    let others = flood.ball(mesh, rest, sample, 2.0 * spacing).iter().filter(|v| **v != sample && index[v.index()] != u32::MAX);
+    let mut others: Vec<(f64, VertexId)> = others.map(|&v| (rest[v.index()].distance(centre), v)).collect();
+    others.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    // a hair more than the distance, so that the other one itself is within
+    let mut joined =
+        |&(distance, v): &(f64, VertexId)| flood.ball(mesh, rest, sample, distance.max(spacing) * (1.0 + 1e-12)).contains(&v);
+    others.iter().find(|other| joined(other)).map_or(f64::INFINITY, |other| other.0)
 }
 
 /// Least distance of two samples, by a grid that is widened until it finds a pair.

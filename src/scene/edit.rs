@@ -113,7 +113,7 @@ impl Scene {
         for tissue in self.tissues.values() {
             let measured = tissue.measure_all();
             report.area_before += measured.area;
-            report.volume_before += measured.volume;
+            report.volume_before += measured.volume_about(-tissue.offset());
         }
         let travelled = self.history.travelled_bytes;
         if report.stages.time(kind, || step(self)) {
@@ -189,7 +189,7 @@ impl Scene {
             let local = shifted(plane, tissue.offset());
             let measured = tissue.measure_all();
             report.area_before += measured.area;
-            report.volume_before += measured.volume;
+            report.volume_before += measured.volume_about(-tissue.offset());
             let outcome = tissue.cut(&local, &mut self.cut_scratch, &mut report.stages);
             report.faces_visited += outcome.faces_visited;
             if outcome.missed() {
@@ -274,7 +274,7 @@ fn piece_report(id: TissueId, tissue: &Tissue, side: i8) -> PieceReport {
         tissue: id,
         faces: m.faces,
         area: m.area,
-        volume: m.volume,
+        volume: m.volume_about(-tissue.offset()),
         closed: m.closed(),
         boundary_edges: m.boundary_edges,
         non_manifold_edges: m.non_manifold_edges,
@@ -319,7 +319,7 @@ impl Before {
                 }
             }
         }
-        Self { area: m.area, volume: m.volume, component_of_origin }
+        Self { area: m.area, volume: m.volume_about(-tissue.offset()), component_of_origin }
     }
 
     /// Components that the stroke split off: of each component there was, all parts but the largest.

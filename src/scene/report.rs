@@ -48,7 +48,7 @@ pub struct PieceReport {
     pub faces: usize,
     /// Square metres.
     pub area: f64,
-    /// Cubic metres, signed.
+    /// Cubic metres, signed; of an open surface, the sum of tetrahedra to the origin of model space.
     pub volume: f64,
     /// No boundary and no non-manifold edge.
     pub closed: bool,
