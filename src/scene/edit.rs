@@ -68,14 +68,13 @@ pub(super) struct StrokeOf {
     deltas: Vec<Arc<TissueDelta>>,
 }
 
-/// Closes the tissue's open notes into `deltas`, and tells those who keep a mirror.
+/// Adds what a tissue changed to `deltas`, and tells those who keep a mirror.
 fn note_delta(
     changes: &mut Option<Vec<(TissueId, Arc<TissueDelta>)>>,
     id: TissueId,
-    tissue: &mut Tissue,
+    delta: TissueDelta,
     deltas: &mut Vec<Arc<TissueDelta>>,
 ) {
-    let delta = tissue.take_delta();
     if !delta.is_empty() {
         let delta = Arc::new(delta);
         if let Some(changes) = changes {
@@ -140,7 +139,9 @@ impl Scene {
             if let Some(tissue) = self.tissues.get_mut(id) {
                 let offset = tissue.offset();
                 stroke.push(tissue, BladePose { tip: pose.tip - offset, base: pose.base - offset, ..pose });
-                note_delta(&mut self.changes, *id, tissue, deltas);
+                for delta in stroke.take_deltas().into_iter().chain([tissue.take_delta()]) {
+                    note_delta(&mut self.changes, *id, delta, deltas);
+                }
             }
         }
     }
@@ -159,7 +160,9 @@ impl Scene {
             report.volume_before += before.volume;
             add_segments(&mut report, &stroke);
             self.last_boxes.extend(stroke.boxes().iter().map(|b| b.translated(tissue.offset())));
-            note_delta(&mut self.changes, id, tissue, &mut deltas);
+            for delta in stroke.take_deltas().into_iter().chain([tissue.take_delta()]) {
+                note_delta(&mut self.changes, id, delta, &mut deltas);
+            }
             if !stroke.has_torn() {
                 continue;
             }
@@ -237,7 +240,7 @@ impl Scene {
                 tissue.forget_vertices(&removed);
             }
         });
-        note_delta(&mut self.changes, id, tissue, &mut deltas);
+        note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas);
         report.bytes_uploaded += deltas.iter().map(|d| d.upload_bytes()).sum::<usize>();
         report.bytes_uploaded += pieces.iter().map(Tissue::full_upload_bytes).sum::<usize>();
         unit.changes.push(Change::Edited(id, deltas));

@@ -174,10 +174,15 @@ pub struct TissueDelta {
 impl TissueDelta {
     /// True if nothing changed.
     pub fn is_empty(&self) -> bool {
-        self.mesh.is_empty()
-            && self.rows.rest_position.is_empty()
-            && self.map.anchors.is_empty()
-            && self.map.influences.is_empty()
+        let Self { mesh, rows, map, strips } = self;
+        let rows_rest = rows.rest_position.is_empty() && rows.rows.is_empty() && rows.bones.is_empty();
+        let particles_rest = map.anchors.is_empty() && map.rest_displacement.is_empty();
+        mesh.is_empty()
+            && rows_rest
+            && particles_rest
+            && map.influences.is_empty()
+            && map.neighbours.is_empty()
+            && strips.is_empty()
     }
 }
 

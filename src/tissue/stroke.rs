@@ -1,6 +1,6 @@
 //! A tear through one tissue: blade poses in, the surface torn box by box, live (MATHS 5).
 
-use super::Tissue;
+use super::{Tissue, TissueDelta};
 use crate::diagnostics::Stages;
 use crate::geometry::{FaceId, Plane, VertexId};
 use crate::particles::{LipVertex, MapUpdateReport, release_slit};
@@ -15,7 +15,8 @@ const FLAT_SIDE: f64 = 1e-9;
 /// The paper's rows for one segment, with what it did.
 #[derive(Clone, Debug, Default)]
 pub struct SegmentReport {
-    /// Milliseconds: perform_tear, update_particles, disconnect_particles, bind, update_mesh.
+    /// Milliseconds: perform_tear (clip, retriangulate), bind (rows of the inserted vertices), disconnect_particles (the
+    /// strip), update_particles (the map), update_mesh (closing the notes that a mirror and undo follow).
     pub stages: Stages,
     /// Vertices inserted.
     pub new_vertices: usize,
@@ -51,6 +52,8 @@ pub struct TearStroke {
     boxes: Vec<TearBox>,
     reports: Vec<SegmentReport>,
     ties: Vec<Tie>,
+    /// What the boxes changed, one entry a box, since the last [`TearStroke::take_deltas`].
+    deltas: Vec<TissueDelta>,
     /// The tissue has moved since the pending quads were tied.
     moved: bool,
 }
@@ -70,6 +73,7 @@ impl TearStroke {
             boxes: Vec::new(),
             reports: Vec::new(),
             ties: Vec::new(),
+            deltas: Vec::new(),
             moved: false,
         }
     }
@@ -126,6 +130,11 @@ impl TearStroke {
         }
     }
 
+    /// Hands over what the boxes have changed since the last call, oldest first.
+    pub fn take_deltas(&mut self) -> Vec<TissueDelta> {
+        std::mem::take(&mut self.deltas)
+    }
+
     /// Boxes committed so far, in order.
     pub fn boxes(&self) -> &[TearBox] {
         &self.boxes
@@ -179,7 +188,7 @@ impl TearStroke {
     /// Rows, strip and particle map of what the box tore. Returns the strip's end edge at rest.
     fn bind(&mut self, tissue: &mut Tissue, tear_box: &TearBox, report: &mut SegmentReport) -> [DVec3; 2] {
         let step = &self.step;
-        report.stages.time("update_mesh", || tissue.add_vertices(&step.new_vertices));
+        report.stages.time("bind", || tissue.add_vertices(&step.new_vertices));
         report.new_vertices = step.new_vertices.len();
         report.intersection_points = step.intersection_points;
         report.area_removed = step.area_removed;
@@ -203,7 +212,9 @@ impl TearStroke {
             tissue.update_map(&self.step.new_vertices, &removed, strips, &lips)
         });
         report.wound_particles = update.particles_added.len();
-        report.stages.time("bind", || tissue.versions.structure += 1);
+        tissue.versions.structure += 1;
+        let delta = report.stages.time("update_mesh", || tissue.take_delta());
+        self.deltas.push(delta);
         end
     }
 
