@@ -3,9 +3,10 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
 use incise::geometry::ParticleId;
-use incise::physics::reference::{Integrator, ReferenceNetwork, SplitMix, benchmark_network, max_difference};
+use incise::physics::reference::{Integrator, ReferenceNetwork, SplitMix, benchmark_network, max_difference, parse_network};
 use incise::physics::{Network, NetworkSettings, NetworkTopology, StepScratch};
 use std::hint::black_box;
+use std::time::Instant;
 
 const STEP: f64 = 1.0 / 60.0;
 
@@ -65,20 +66,67 @@ fn peer(topology: &NetworkTopology, reach: f64, integrator: Integrator, substeps
     })
 }
 
-fn accuracy() {
-    let (_, topology) = benchmark_network(200, 1256);
+/// Seconds that one second of simulated time takes, the best of three.
+fn cost(make: impl Fn() -> Stepper) -> f64 {
+    let run = || {
+        let mut stepper = make();
+        stepper();
+        let start = Instant::now();
+        (0..60).for_each(|_| drop(black_box(stepper())));
+        start.elapsed().as_secs_f64()
+    };
+    (0..3).map(|_| run()).fold(f64::INFINITY, f64::min)
+}
+
+/// Error against time on the fixed network, as MATHS 4.3. The peers are written plainly (`physics::reference`): their errors
+/// are exact, their times are those of plain loops.
+fn accuracy(topology: &NetworkTopology) {
+    println!("error over 1 s and time of a 1/60 s step; 200 particles, 1,256 springs, damping ratio 0.1");
+    println!("{:>12} {:<24} {:>10} {:>12}", "h omega_max", "method", "error", "us a step");
     for reach in [2.0, 4.0, 7.0, 13.0, 15.0, 30.0] {
-        let mut steppers = vec![("incise", ours(&topology, reach))];
-        for (name, integrator, substeps) in [
-            ("symplectic Euler x16", Integrator::SymplecticEuler, 16),
-            ("implicit Euler", Integrator::ImplicitEuler, 1),
-            ("Crank-Nicolson", Integrator::CrankNicolson, 1),
-        ] {
-            steppers.push((name, peer(&topology, reach, integrator, substeps)));
+        let mut names = vec![("incise".to_string(), None)];
+        for substeps in [4, 16, 64] {
+            names.push((format!("symplectic Euler x{substeps}"), Some((Integrator::SymplecticEuler, substeps))));
         }
-        let errors = errors(&topology, reach, &mut steppers);
-        let line: Vec<String> = steppers.iter().zip(errors).map(|((name, _), e)| format!("{name} {e:.2e}")).collect();
-        println!("error over 1 s, 200 particles, h omega_max {reach}: {}", line.join(", "));
+        for substeps in [1, 4] {
+            names.push((format!("implicit Euler x{substeps}"), Some((Integrator::ImplicitEuler, substeps))));
+            names.push((format!("Crank-Nicolson x{substeps}"), Some((Integrator::CrankNicolson, substeps))));
+        }
+        for substeps in [4, 16, 64] {
+            names.push((format!("XPBD x{substeps}"), Some((Integrator::Xpbd, substeps))));
+        }
+        let make = |method: Option<(Integrator, usize)>| match method {
+            None => ours(topology, reach),
+            Some((integrator, substeps)) => peer(topology, reach, integrator, substeps),
+        };
+        let mut steppers: Vec<(&str, Stepper)> = names.iter().map(|(name, method)| (name.as_str(), make(*method))).collect();
+        let errors = errors(topology, reach, &mut steppers);
+        for ((name, method), error) in names.iter().zip(errors) {
+            let time = cost(|| make(*method)) / 60.0 * 1e6;
+            println!("{reach:>12} {name:<24} {error:>10.2e} {time:>12.1}");
+        }
+    }
+}
+
+/// Time of one step, the least of many short runs: what is left when nothing else runs.
+fn least_times() {
+    for (particles, springs) in [(200, 1256), (20_000, 154_000)] {
+        let (_, topology) = benchmark_network(particles, springs);
+        for reach in [7.0, 15.0] {
+            let mut network = excited(&topology, settings_for(&topology, reach));
+            let mut scratch = StepScratch::default();
+            let (rounds, steps) = if particles < 1000 { (3000, 10) } else { (60, 1) };
+            let mut least = f64::INFINITY;
+            for round in 0..rounds {
+                push(&mut network, if round % 2 == 0 { 0.1 } else { -0.1 });
+                let start = Instant::now();
+                for _ in 0..steps {
+                    black_box(network.step(STEP, &mut scratch));
+                }
+                least = least.min(start.elapsed().as_secs_f64() / f64::from(steps));
+            }
+            println!("least time of a step, {particles} particles, h omega_max {reach}: {:.1} us", least * 1e6);
+        }
     }
 }
 
@@ -93,7 +141,9 @@ fn push(network: &mut Network, size: f64) {
 
 fn times(criterion: &mut Criterion) {
     if !std::env::args().any(|a| a == "--test") {
-        accuracy();
+        let fixed = parse_network(include_str!("network-200.txt")).expect("a network");
+        accuracy(&fixed);
+        least_times();
     }
     for (particles, springs) in [(200, 1256), (20_000, 154_000)] {
         let (_, topology) = benchmark_network(particles, springs);

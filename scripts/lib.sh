@@ -132,6 +132,27 @@ need_system() {
     return 1
 }
 
+# Khronos' validation layer, installed where it may be. Returns 1, with a sentence, if it is not there.
+need_validation_layer() {
+    wants_vulkan || { say "Vulkan's validation layer is for Linux; skipped here."; return 1; }
+    has_validation_layer && return 0
+    if can_install; then
+        say "Installing vulkan-validationlayers."
+        install vulkan-validationlayers || say "The installation failed."
+        has_validation_layer && return 0
+    fi
+    say "Vulkan's validation layer is not installed (vulkan-validationlayers in Debian and Ubuntu): skipped."
+    return 1
+}
+
+has_validation_layer() {
+    local dir
+    for dir in /usr/share/vulkan /usr/local/share/vulkan /etc/vulkan "${HOME:-}/.local/share/vulkan"; do
+        [ -f "$dir/explicit_layer.d/VkLayer_khronos_validation.json" ] && return 0
+    done
+    return 1
+}
+
 # Mesa asks for XDG_RUNTIME_DIR and complains on stderr where there is none, as on servers and in containers: a folder of our
 # own will do. It stays empty, so a later run may find it again.
 need_runtime_dir() {

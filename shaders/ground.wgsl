@@ -2,57 +2,160 @@
 
 struct Far {
     @builtin(position) clip: vec4f,
-    @location(0) position: vec3f,
+    @location(0) position: vec3f, // of the backdrop: the direction
+    @location(1) @interpolate(flat, either) view: u32,
 }
 
-fn backdrop(pixel: vec2f) -> vec3f {
-    let p = (pixel * view.size.zw - vec2f(0.5, 0.42)) * vec2f(view.size.x * view.size.w, 1.0);
-    let glow = exp(-2.6 * dot(p, p));
+// A glow where the headlamp points: at infinity, so that both eyes see it in the same direction.
+fn backdrop(direction: vec3f) -> vec3f {
+    let ahead = dot(normalize(direction), -frame.fill_light.xyz);
+    let half_height = frame.views[eye].lens.y;
+    let spread = (1.0 - ahead * ahead) / max(4.0 * half_height * half_height * ahead * ahead, 1e-6);
+    let glow = select(0.0, exp(-2.6 * spread), ahead > 0.0);
     return mix(vec3f(0.010, 0.012, 0.015), vec3f(0.062, 0.070, 0.078), glow);
 }
 
 @vertex
-fn screen(@builtin(vertex_index) index: u32) -> Far {
-    let p = vec2f(f32(index & 1u), f32(index >> 1u)) * 4.0 - 1.0;
-    return Far(vec4f(p, 0.0, 1.0), vec3f(0.0));
+fn screen(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> Far {
+    // Two triangles that end where the picture does, corners 0 1 2 and 2 1 3, a digit each: nothing to be clipped.
+    let corner = (0x312210u >> (4u * index)) & 3u;
+    let p = vec2f(f32(corner & 1u), f32(corner >> 1u)) * 2.0 - 1.0;
+    let v = frame.views[view];
+    let tangent = p * v.lens.xy + v.lens.zw;
+    return Far(vec4f(p, 0.0, 1.0), v.forward.xyz + tangent.x * v.right.xyz + tangent.y * v.up.xyz, view);
 }
 
 @fragment
 fn sky(in: Far) -> @location(0) vec4f {
-    return finish(backdrop(in.clip.xy), in.clip.xy);
+    eye = in.view;
+    return finish(backdrop(in.position), in.clip.xy);
+}
+
+// Pixels that the headset's lenses hide: at the near plane, so that nothing behind them is shaded. Group 1 holds corners as
+// tangents from the eye: x, y, the view they belong to.
+@group(1) @binding(0) var<storage, read> hidden: array<vec4f>;
+
+@vertex
+fn mask_corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> Far {
+    let corner = hidden[index];
+    let lens = frame.views[view].lens;
+    let p = (corner.xy - lens.zw) / lens.xy;
+    // A corner of another view's mask: its triangle shrinks to nothing.
+    let clip = select(vec4f(0.0, 0.0, 0.0, 1.0), vec4f(p, 1.0, 1.0), u32(corner.z) == view);
+    return Far(clip, vec3f(0.0), view);
+}
+
+@fragment
+fn mask(in: Far) -> @location(0) vec4f {
+    return vec4f(0.0, 0.0, 0.0, 1.0);
 }
 
 fn tray_axes() -> array<vec3f, 2> {
-    let up = view.scene_up.xyz;
+    let up = frame.scene_up.xyz;
     let helper = select(vec3f(0.0, 0.0, 1.0), vec3f(1.0, 0.0, 0.0), abs(up.z) > 0.8);
     let x = normalize(cross(up, helper));
     return array<vec3f, 2>(x, cross(up, x));
 }
 
+// Two triangles, corners 0 1 2 and 2 1 3, a digit each.
 @vertex
-fn tray(@builtin(vertex_index) index: u32) -> Far {
+fn tray(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> Far {
     let corners = array<vec2f, 4>(vec2f(-1.0, -1.0), vec2f(1.0, -1.0), vec2f(-1.0, 1.0), vec2f(1.0, 1.0));
     let axes = tray_axes();
-    let c = corners[index] * (5.0 * view.tray_centre.w);
-    let p = view.tray_centre.xyz + c.x * axes[0] + c.y * axes[1];
-    return Far(view.clip_from_world * vec4f(p, 1.0), p);
+    let c = corners[(0x312210u >> (4u * index)) & 3u] * (5.0 * frame.tray_centre.w);
+    let p = frame.tray_centre.xyz + c.x * axes[0] + c.y * axes[1];
+    return Far(frame.views[view].clip_from_world * vec4f(p, 1.0), p, view);
+}
+
+// Signed distance to a rounded rectangle.
+fn rounded(p: vec2f, half: vec2f, corner: f32) -> f32 {
+    let q = abs(p) - half + corner;
+    return length(max(q, vec2f(0.0))) + min(max(q.x, q.y), 0.0) - corner;
+}
+
+// Value noise in the plane, 0 to 1.
+fn grain(p: vec2f) -> f32 {
+    let cell = floor(p);
+    let f = p - cell;
+    let u = f * f * (3.0 - 2.0 * f);
+    let at = vec2i(cell);
+    let h = vec4f(speck(at), speck(at + vec2i(1, 0)), speck(at + vec2i(0, 1)), speck(at + vec2i(1, 1)));
+    return mix(mix(h.x, h.y, u.x), mix(h.z, h.w, u.x), u.y);
+}
+
+fn speck(p: vec2i) -> f32 {
+    return f32(hash(vec3u(bitcast<vec2u>(p), 3u)).x >> 8u) / 16777216.0;
+}
+
+// Ink of a line of `width` at a whole multiple of `step`, as far as a pixel of width `pixel` shows it.
+fn tick(x: f32, step: f32, width: f32, pixel: f32) -> f32 {
+    let away = abs(fract(x / step + 0.5) - 0.5) * step;
+    return saturate((0.5 * width - away) / max(pixel, 1e-9) + 0.5) * saturate(step / (4.0 * pixel) - 0.5);
+}
+
+// A ruler etched into the tray's near edge: centimetres where the model is as large as a heart, and otherwise the power of ten
+// that suits it, with tenths; 0 to 1.
+fn ruler(p: vec2f, radius: f32, pixel: f32) -> f32 {
+    let unit = pow(10.0, floor(log(radius * 0.25) / log(10.0)));
+    let along = p.x;
+    let up = p.y + 0.06 * radius; // from the base line towards the tissue
+    let reach = floor(1.15 * radius / unit) * unit;
+    let inside = step(abs(along), reach + 0.02 * unit);
+    let line = 0.010 * radius;
+    let base = saturate((0.35 * line - abs(up)) / pixel + 0.5);
+    let tall = step(0.0, up) * step(up, 0.10 * radius) * tick(along, unit, line, pixel);
+    let middle = step(0.0, up) * step(up, 0.065 * radius) * tick(along, 0.5 * unit, 0.7 * line, pixel);
+    let small = step(0.0, up) * step(up, 0.04 * radius) * tick(along, 0.1 * unit, 0.5 * line, pixel);
+    return inside * max(max(base, tall), max(middle, small));
 }
 
 @fragment
 fn drape(in: Far) -> @location(0) vec4f {
-    let up = view.scene_up.xyz;
-    let radius = view.tray_centre.w;
-    let r = length(in.position - view.tray_centre.xyz) / radius;
+    eye = in.view;
+    let up = frame.scene_up.xyz;
+    let radius = frame.tray_centre.w;
+    let axes = tray_axes();
+    let offset = in.position - frame.tray_centre.xyz;
+    let plane = vec2f(dot(offset, axes[0]), dot(offset, axes[1])); // metres; y towards the viewer's side of the tray
+    let p = plane / radius;
+    let pixel = length(fwidth(plane)) * 0.7;
+    let r = length(p);
+    let v = normalize(frame.views[eye].eye.xyz - in.position);
     let visible = lamp_visibility(in.position, up);
     // Near the tissue even the room's light is kept off: a soft contact shadow.
-    let contact = 1.0 - 0.62 * exp(-2.4 * r * r);
-    let cloth = vec3f(0.020, 0.060, 0.066);
-    let v = normalize(view.eye.xyz - in.position);
-    let lamp = KEY_COLOUR * view.key_light.w * max(dot(up, view.key_light.xyz), 0.0) * visible * exp(-0.30 * r * r);
-    var light = cloth * (lamp + 1.5 * SKY * contact);
-    light += room(reflect(-v, up), 0.6) * 0.04 * pow(1.0 - saturate(dot(v, up)), 3.0) * contact;
+    let contact = 1.0 - 0.66 * exp(-2.6 * r * r);
+    let pool = exp(-0.20 * r * r); // the lamp's cone
+    let lamp = KEY_COLOUR * frame.key_light.w * max(dot(up, frame.key_light.xyz), 0.0) * visible * pool;
+    let edge = rounded(p, vec2f(1.75, 1.3), 0.28);
+
+    // Cloth: a plain weave with slow folds.
+    let fold = grain(p * 1.7 + 7.0) + 0.5 * grain(p * 4.1);
+    let fade = saturate(0.012 * radius / max(pixel, 1e-9) - 0.35);
+    let weave = mix(0.5, 0.5 + 0.5 * sin(p.x * 420.0) * sin(p.y * 420.0), fade);
+    let cloth = vec3f(0.012, 0.062, 0.070) * (0.66 + 0.40 * fold + 0.25 * weave);
+    var light = cloth * (lamp * (0.55 + 0.45 * fold) + 1.3 * SKY * contact);
+    // The tray throws a thin shadow of its own.
+    light *= 1.0 - 0.55 * smoothstep(0.16, 0.0, edge) * step(0.0, edge);
+
+    if (edge < 0.0) {
+        // Brushed steel with a raised rim.
+        let rim = smoothstep(-0.10, -0.055, edge) * smoothstep(0.0, -0.035, edge);
+        let outwards = normalize(p / vec2f(1.75, 1.3) + vec2f(1e-6, 0.0));
+        let bevel = (smoothstep(-0.10, -0.075, edge) - smoothstep(-0.045, 0.0, edge)) * 0.9;
+        let brush = grain(vec2f(p.x * 9.0, p.y * 900.0)) - 0.5;
+        let wear = grain(p * 5.0) - 0.5;
+        let tilted = -outwards.x * axes[0] - outwards.y * axes[1];
+        let n = normalize(up + 0.55 * bevel * tilted + 0.05 * brush * saturate(1.0 - 250.0 * pixel / radius) * axes[1]);
+        let rough = 0.42 + 0.1 * wear;
+        let mirror = room(reflect(-v, n), rough) * contact;
+        let gloss = specular(n, v, frame.key_light.xyz, rough, 0.5) * lamp;
+        let steel = vec3f(0.36, 0.37, 0.38) * (0.92 + 0.12 * wear);
+        light = steel * (0.42 * mirror + 0.16 * lamp + 0.20 * SKY * contact) + 0.22 * gloss;
+        light += steel * rim * 0.05;
+        light *= 1.0 - 0.75 * ruler(vec2f(plane.x, plane.y + 1.08 * radius), radius, pixel);
+    }
     let mapped = finish(light, in.clip.xy);
     // Fades into the backdrop far out, where its edge would distract, and seen edge-on.
-    let alpha = smoothstep(4.6, 1.2, r) * smoothstep(0.02, 0.16, dot(v, up));
+    let alpha = smoothstep(4.8, 2.2, r) * smoothstep(0.02, 0.16, dot(v, up));
     return vec4f(mapped.rgb, alpha);
 }

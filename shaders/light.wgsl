@@ -1,8 +1,11 @@
 // The operating theatre: one lamp with a soft shadow, a headlamp, a small generated room around, and the tone curve.
 
-@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var shadow_map: texture_depth_2d;
 @group(0) @binding(2) var shadow_sampler: sampler_comparison;
+
+// Which view is being drawn; set first thing in every entry point.
+var<private> eye: u32;
 
 const KEY_COLOUR: vec3f = vec3f(1.0, 0.965, 0.9);
 const FILL_COLOUR: vec3f = vec3f(0.86, 0.93, 1.0);
@@ -24,12 +27,12 @@ struct Surface {
 // What the room sends from direction `d`, blurred by `roughness`: pale ceiling, dark floor, lamp, and a long window
 // behind the subject whose reflection draws the outline of wet things.
 fn room(d: vec3f, roughness: f32) -> vec3f {
-    let height = dot(d, view.scene_up.xyz);
+    let height = dot(d, frame.scene_up.xyz);
     var light = mix(GROUND, SKY, smoothstep(-0.35 - roughness, 0.75 + roughness, height));
     let blur = 0.02 + 0.5 * roughness;
-    let lamp = dot(d, view.key_light.xyz);
+    let lamp = dot(d, frame.key_light.xyz);
     light += KEY_COLOUR * (3.0 / (1.0 + 14.0 * roughness)) * smoothstep(0.93 - blur, 0.96 + blur, lamp);
-    let away = -view.key_light.xyz + 1.3 * dot(view.key_light.xyz, view.scene_up.xyz) * view.scene_up.xyz;
+    let away = -frame.key_light.xyz + 1.3 * dot(frame.key_light.xyz, frame.scene_up.xyz) * frame.scene_up.xyz;
     let window = dot(d, normalize(away));
     let band = smoothstep(0.7 - blur, 0.8 + blur, window) * smoothstep(-0.15 - blur, 0.1 + blur, height);
     return light + FILL_COLOUR * 0.9 * band;
@@ -37,18 +40,18 @@ fn room(d: vec3f, roughness: f32) -> vec3f {
 
 // Share of the lamp that is visible, 0 to 1: four bilinear comparisons on a turned square.
 fn lamp_visibility(position: vec3f, normal: vec3f) -> f32 {
-    if (view.shadow.w == 0.0) {
+    if (frame.shadow.w == 0.0) {
         return 1.0;
     }
-    let slope = 1.0 - saturate(dot(normal, view.key_light.xyz));
-    let p = position + normal * (view.shadow.z * (0.6 + 2.0 * slope));
-    let clip = view.light_from_world * vec4f(p, 1.0);
+    let slope = 1.0 - saturate(dot(normal, frame.key_light.xyz));
+    let p = position + normal * (frame.shadow.z * (0.6 + 2.0 * slope));
+    let clip = frame.light_from_world * vec4f(p, 1.0);
     let uv = clip.xy * vec2f(0.5, -0.5) + 0.5;
     if (any(uv < vec2f(0.0)) || any(uv > vec2f(1.0))) {
         return 1.0;
     }
-    let depth = clip.z + view.shadow.y;
-    let step = view.shadow.x;
+    let depth = clip.z + frame.shadow.y;
+    let step = frame.shadow.x;
     var sum = 0.0;
     sum += textureSampleCompareLevel(shadow_map, shadow_sampler, uv + step * vec2f(-1.6, -0.6), depth);
     sum += textureSampleCompareLevel(shadow_map, shadow_sampler, uv + step * vec2f(0.6, -1.6), depth);
@@ -86,25 +89,25 @@ fn facing(n: vec3f, v: vec3f) -> vec3f {
 
 fn shade(surface: Surface) -> vec3f {
     var s = surface;
-    let v = normalize(view.eye.xyz - s.position);
+    let v = normalize(frame.views[eye].eye.xyz - s.position);
     s.normal = facing(s.normal, v);
     s.film_normal = facing(s.film_normal, v);
-    let l = view.key_light.xyz;
-    let head = view.fill_light.xyz;
+    let l = frame.key_light.xyz;
+    let head = frame.fill_light.xyz;
     let visible = lamp_visibility(s.position, s.shell_normal);
     // A shadow's edge on flesh is red: what light there is came through it.
     let bled = mix(vec3f(visible), vec3f(sqrt(visible), visible, visible), 0.6 * s.scatter);
 
-    var light = KEY_COLOUR * view.key_light.w * wrapped(dot(s.normal, l), s.scatter) * bled;
-    light += FILL_COLOUR * view.fill_light.w * wrapped(dot(s.normal, head), s.scatter);
-    let ambient = mix(GROUND, SKY, 0.5 + 0.5 * dot(s.normal, view.scene_up.xyz)) * s.openness;
+    var light = KEY_COLOUR * frame.key_light.w * wrapped(dot(s.normal, l), s.scatter) * bled;
+    light += FILL_COLOUR * frame.fill_light.w * wrapped(dot(s.normal, head), s.scatter);
+    let ambient = mix(GROUND, SKY, 0.5 + 0.5 * dot(s.normal, frame.scene_up.xyz)) * s.openness;
     var colour = s.albedo * (light + ambient);
 
     let under = max(s.roughness, 0.2);
-    colour += KEY_COLOUR * view.key_light.w * visible * specular(s.normal, v, l, under, 0.03);
+    colour += KEY_COLOUR * frame.key_light.w * visible * specular(s.normal, v, l, under, 0.03);
     let film = 0.27; // a lamp of a hand's breadth is no point
-    let lamp_glint = visible * view.key_light.w * min(2.0 * specular(s.film_normal, v, l, film, 0.03), 5.0);
-    let head_glint = view.fill_light.w * specular(s.film_normal, v, head, film + 0.05, 0.03);
+    let lamp_glint = visible * frame.key_light.w * min(2.0 * specular(s.film_normal, v, l, film, 0.03), 5.0);
+    let head_glint = frame.fill_light.w * specular(s.film_normal, v, head, film + 0.05, 0.03);
     colour += s.wetness * (KEY_COLOUR * lamp_glint + FILL_COLOUR * head_glint);
 
     let grazing = pow(1.0 - saturate(dot(s.film_normal, v)), 5.0);
@@ -155,5 +158,5 @@ fn finish(light: vec3f, pixel: vec2f) -> vec4f {
     let mapped = saturate(tone_map(graded));
     // The dither is meant for the stored, curved value: scale it by the slope of the sRGB curve there.
     let slope = pow(max(mapped, vec3f(0.002)), vec3f(0.58)) * 2.3;
-    return vec4f(mapped + dither(pixel) * slope, 1.0);
+    return vec4f(stored(saturate(mapped + dither(pixel) * slope)), 1.0);
 }

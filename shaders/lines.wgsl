@@ -1,6 +1,6 @@
 // Inspection layers: coloured capsules of constant width in pixels; a point is a disc.
 
-@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(0) var<uniform> frame: Frame;
 @group(1) @binding(0) var<storage, read> lines: array<Line>;
 
 struct Spot {
@@ -14,10 +14,12 @@ struct Spot {
 const LIFT: f32 = 1.002;
 
 @vertex
-fn capsule(@builtin(vertex_index) index: u32, @builtin(instance_index) instance: u32) -> Spot {
-    let line = lines[instance];
-    var a = view.clip_from_world * vec4f(line.a[0], line.a[1], line.a[2], 1.0);
-    var b = view.clip_from_world * vec4f(line.b[0], line.b[1], line.b[2], 1.0);
+fn capsule(@builtin(vertex_index) vertex: u32, @builtin(view_index) view: u32) -> Spot {
+    let line = lines[vertex / 6u];
+    // Two triangles, corners 0 1 2 and 2 1 3, a digit each.
+    let index = (0x312210u >> (4u * (vertex % 6u))) & 3u;
+    var a = frame.views[view].clip_from_world * vec4f(line.a[0], line.a[1], line.a[2], 1.0);
+    var b = frame.views[view].clip_from_world * vec4f(line.b[0], line.b[1], line.b[2], 1.0);
     var out: Spot;
     // Reverse depth with an infinite far plane: z is the near distance, w the distance.
     if (a.w < a.z && b.w < b.z) {
@@ -29,7 +31,7 @@ fn capsule(@builtin(vertex_index) index: u32, @builtin(instance_index) instance:
     } else if (b.w < b.z) {
         b = mix(b, a, (b.z - b.w) / (a.w - b.w));
     }
-    let to_pixels = 0.5 * view.size.xy;
+    let to_pixels = 0.5 * frame.views[view].size.xy;
     let pixel_a = a.xy / a.w * to_pixels;
     let pixel_b = b.xy / b.w * to_pixels;
     let length_px = distance(pixel_a, pixel_b);
@@ -52,5 +54,5 @@ fn capsule(@builtin(vertex_index) index: u32, @builtin(instance_index) instance:
 fn ink(in: Spot) -> @location(0) vec4f {
     let nearest = clamp(in.across.x, 0.0, in.shape.x);
     let outside = distance(in.across, vec2f(nearest, 0.0)) - in.shape.y;
-    return vec4f(in.colour.rgb, in.colour.a * saturate(0.5 - outside));
+    return vec4f(stored(in.colour.rgb), in.colour.a * saturate(0.5 - outside));
 }

@@ -76,6 +76,41 @@ fn unit_or(v: vec3f, fallback: vec3f) -> vec3f {
     return fallback;
 }
 
+// Bits of what a vertex touches.
+const SKIN: u32 = 1u;
+const INSIDE: u32 = 2u;
+
+fn side_of(t: u32, h: u32) -> u32 {
+    return select(SKIN, INSIDE, (faces[tissues[t].faces + h / 3u].draw >> 31u) != 0u);
+}
+
+// 1 on the lip of a wound, for the picture: a vertex that an edit inserted, where the skin ends or meets a wall or cap.
+fn lip_of(t: u32, v: u32) -> f32 {
+    let record = vertices[tissues[t].vertices + v];
+    if (record.row.y == 0u || record.half_edge == NONE) {
+        return 0.0;
+    }
+    var touches = 0u;
+    var h = record.half_edge;
+    for (var i = 0u; i < MAX_FAN; i++) {
+        touches |= side_of(t, h);
+        h = opposite_of(t, previous_of(h));
+        if (h == record.half_edge) {
+            return select(0.0, 1.0, touches == (SKIN | INSIDE));
+        }
+        if (h == NONE) {
+            break;
+        }
+    }
+    h = opposite_of(t, record.half_edge);
+    for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
+        h = next_of(h);
+        touches |= side_of(t, h);
+        h = opposite_of(t, h);
+    }
+    return select(0.0, 1.0, (touches & SKIN) != 0u); // an open fan
+}
+
 @compute @workgroup_size(64)
 fn normals(
     @builtin(workgroup_id) group: vec3u,
@@ -106,5 +141,5 @@ fn normals(
             }
         }
     }
-    deformed[tissues[t].normals + w] = vec4f(normal, 0.0);
+    deformed[tissues[t].normals + w] = vec4f(normal, lip_of(t, wedge.vertex));
 }

@@ -68,13 +68,26 @@ fn skin(t: u32, local_vertex: u32) -> vec3f {
     if (row.y == 0u) {
         return apply_point(base_transform(t, v), rest_of(v));
     }
-    var s = vec3f(0.0);
-    for (var k = 0u; k < row.y; k++) {
-        let entry = terms[tissues[t].rows + row.x + k];
-        let base = first + entry.index;
-        s += entry.weight * apply_point(base_transform(t, base), rest_of(base));
+    let entries = tissues[t].rows + row.x;
+    var s = part_of_row(t, first, entries);
+    // Rows on a surface have two or three entries (MATHS 1.2) and need no loop; longer ones lie on caps and walls.
+    if (row.y > 1u) {
+        s += part_of_row(t, first, entries + 1u);
+    }
+    if (row.y > 2u) {
+        s += part_of_row(t, first, entries + 2u);
+    }
+    for (var k = 3u; k < row.y; k++) {
+        s += part_of_row(t, first, entries + k);
     }
     return s;
+}
+
+// What one entry of a row adds; `first` is the tissue's first vertex.
+fn part_of_row(t: u32, first: u32, entry: u32) -> vec3f {
+    let term = terms[entry];
+    let base = first + term.index;
+    return term.weight * apply_point(base_transform(t, base), rest_of(base));
 }
 
 // A of a local vertex (MATHS 2.2).

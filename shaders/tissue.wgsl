@@ -20,6 +20,8 @@ struct Corner {
     @location(4) colour: vec4f,
     @location(5) @interpolate(flat, either) material: u32,
     @location(6) @interpolate(flat, either) flags: u32,
+    @location(7) @interpolate(flat, either) view: u32,
+    @location(8) lip: f32, // 1 on the lip of a wound
 }
 
 fn to_world(t: u32, p: vec3f) -> vec3f {
@@ -37,7 +39,7 @@ fn normal_to_world(t: u32, n: vec3f) -> vec3f {
 }
 
 @vertex
-fn corner(@builtin(vertex_index) index: u32) -> Corner {
+fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> Corner {
     let face = index / 3u;
     let draw = faces[face].draw;
     let t = (draw >> 16u) & 0x7fffu;
@@ -51,13 +53,16 @@ fn corner(@builtin(vertex_index) index: u32) -> Corner {
     let wedge = wedges[tissues[t].wedges + w];
     let vertex = tissues[t].vertices + wedge.vertex;
     out.position = to_world(t, deformed[tissues[t].positions + wedge.vertex].xyz);
-    out.normal = normal_to_world(t, deformed[tissues[t].normals + w].xyz);
+    let normal = deformed[tissues[t].normals + w];
+    out.normal = normal_to_world(t, normal.xyz);
+    out.lip = normal.w;
     out.rest = vec3f(vertices[vertex].rest[0], vertices[vertex].rest[1], vertices[vertex].rest[2]) * tissues[t].detail_scale;
     out.uv = wedge.uv;
     out.colour = unpack4x8unorm(wedge.colour);
     out.material = tissues[t].materials + min(draw & 0xffffu, tissues[t].material_count - 1u);
     out.flags = select(0u, WALL, (draw >> 31u) != 0u);
-    out.clip = view.clip_from_world * vec4f(out.position, 1.0);
+    out.view = view;
+    out.clip = frame.views[view].clip_from_world * vec4f(out.position, 1.0);
     return out;
 }
 
@@ -119,17 +124,71 @@ fn tilt(normal: vec3f, gradient: vec3f, position_x: vec3f, position_y: vec3f, re
     return select(normal, tilted * inverseSqrt(max(square, 1e-36)), square > 1e-36);
 }
 
+// Raw flesh, on walls, floors and caps and on what is seen from behind: deep red, fibrous, darker, since little light finds
+// its way in, with pale strands of connective tissue.
+fn raw_flesh(base: vec3f, p: vec3f, s: ptr<function, Surface>) -> vec3f {
+    let broad = noise(p * 15.0);
+    let fibre = noise(p * vec3f(95.0, 24.0, 95.0) + 1.6 * vec3f(broad.x, 0.0, -broad.x) + 3.0);
+    let grain = turned_noise(p * 140.0);
+    let strand = smoothstep(0.42, 0.75, fibre.x + 0.25 * grain.x);
+    var albedo = base * (1.0 + 0.35 * broad.x + 0.30 * fibre.x + 0.12 * grain.x);
+    albedo = mix(albedo, vec3f(0.46, 0.20, 0.15), 0.35 * strand);
+    (*s).albedo = max(albedo, vec3f(0.004));
+    (*s).roughness = 0.56;
+    (*s).scatter = 1.0;
+    return 0.16 * broad.yzw + 0.16 * fibre.yzw * vec3f(1.0, 0.35, 1.0) + 0.05 * grain.yzw;
+}
+
+// The outside of an organ without a picture of its own: mottled, streaked by fibres, with fat in its hollows and vessels under
+// the surface. Returns the gradient of its relief.
+fn organ(base: vec3f, p: vec3f, s: ptr<function, Surface>) -> vec3f {
+    let broad = noise(p * 9.0);
+    let fine = turned_noise(p * 37.0);
+    let warp = 0.10 * vec3f(broad.x, fine.x * 0.5, -broad.x);
+    let slow = noise(p * 4.3 + warp * 6.0 + 5.0);
+    let twist = p.y * 5.0;
+    let q = vec3f(cos(twist) * p.x - sin(twist) * p.z, p.y, sin(twist) * p.x + cos(twist) * p.z);
+    let fibre = noise(q * vec3f(110.0, 20.0, 110.0) + 2.0 * warp * 10.0);
+    let grain = turned_noise(p * 160.0);
+    let flesh = (*s).scatter;
+
+    // Darker and bluer where blood stands, lighter over tendinous patches.
+    var albedo = base * (0.47 + 0.08 * broad.x + 0.07 * slow.x + 0.09 * fibre.x + 0.04 * grain.x);
+    albedo = mix(albedo, vec3f(dot(albedo, vec3f(0.4, 0.4, 0.2))), 0.10);
+    albedo *= mix(vec3f(1.0), vec3f(0.92, 0.72, 0.80), saturate(0.5 - 0.9 * slow.x));
+    // Vessels along the zero lines of two slow noises; the larger ones stand out a little.
+    let stem = smoothstep(0.05, 0.015, abs(slow.x - 0.06)) * smoothstep(-0.15, 0.25, broad.x);
+    let web = turned_noise(p * 11.0 + warp * 14.0);
+    let twig = smoothstep(0.07, 0.0, abs(web.x)) * smoothstep(0.0, 0.5, fine.x + 1.3 * broad.x) * (1.0 - stem);
+    albedo = mix(albedo, albedo * vec3f(0.62, 0.26, 0.33), 0.75 * stem * flesh);
+    albedo = mix(albedo, albedo * vec3f(0.80, 0.42, 0.44), 0.45 * twig * flesh);
+    // Fat along the vessels: pale yellow, lobed, drier.
+    let along = smoothstep(0.30, 0.05, abs(slow.x - 0.06)) * smoothstep(0.10, 0.45, broad.x + 0.45 * fine.x);
+    let fat = (1.0 - 0.85 * stem) * along * flesh;
+    albedo = mix(albedo, vec3f(0.50, 0.33, 0.19) * (0.9 + 0.25 * fine.x + 0.1 * grain.x), 0.8 * fat);
+    (*s).albedo = albedo;
+    (*s).roughness = mix((*s).roughness, 0.55, fat);
+    (*s).wetness *= 1.0 - 0.25 * fat;
+    let lobes = turned_noise(p * 62.0);
+    var relief = 0.10 * broad.yzw + 0.075 * fine.yzw + 0.07 * (1.0 - fat) * fibre.yzw * vec3f(1.0, 0.2, 1.0) + 0.028 * grain.yzw;
+    relief += 0.16 * fat * lobes.yzw - 0.45 * stem * sign(slow.x - 0.06) * slow.yzw * 0.5;
+    return relief;
+}
+
 @fragment
 fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f {
+    eye = in.view;
     let material = materials[in.material];
     let texel = textureSample(textures, texture_sampler, in.uv, material.layer);
     let position_x = dpdx(in.position);
     let position_y = dpdy(in.position);
     let rest_x = dpdx(in.rest);
     let rest_y = dpdy(in.rest);
+    let lip_x = dpdx(in.lip);
+    let lip_y = dpdy(in.lip);
     let scale = length(position_x) / max(length(rest_x), 1e-12); // metres a diagonal
 
-    let inside = !front || (in.flags & WALL) != 0u;
+    let wall = (in.flags & WALL) != 0u;
     var s: Surface;
     s.position = in.position;
     s.normal = normalize(in.normal) * select(-1.0, 1.0, front);
@@ -140,28 +199,59 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     s.scatter = material.scatter;
     s.openness = 1.0;
 
-    let broad = noise(in.rest * 13.0);
-    let fine = turned_noise(in.rest * 43.0);
-    var gradient = 0.10 * broad.yzw + 0.11 * fine.yzw;
-    if (inside) {
-        // Raw flesh: deep red, fibrous, and darker, since little light finds its way in.
-        let fibre = noise(in.rest * vec3f(60.0, 22.0, 60.0) + 3.0);
-        s.albedo = vec3f(0.40, 0.045, 0.038) * (1.0 + 0.3 * broad.x + 0.3 * fibre.x);
-        s.roughness = 0.5;
-        s.wetness = 0.85;
-        s.scatter = 1.0;
-        s.openness = select(0.38, 0.7, front);
-        gradient = 0.16 * broad.yzw + 0.12 * fibre.yzw * vec3f(1.0, 0.4, 1.0);
+    var gradient: vec3f;
+    if (wall && front) {
+        gradient = raw_flesh(s.albedo, in.rest, &s);
+        s.openness = 0.72;
+    } else if (wall || !front) {
+        gradient = raw_flesh(RAW, in.rest, &s);
+        s.wetness = 0.8;
+        s.openness = 0.36;
     } else if (material.layer == 0u) {
-        // Plain flesh without a texture: mottled, with fine vessels along the zero lines of a slow, warped noise.
-        let slow = noise(in.rest * 6.5 + 0.55 * vec3f(broad.x, fine.x, -broad.x) + 5.0);
-        let vessel = smoothstep(0.11, 0.0, abs(slow.x)) * saturate(0.4 + broad.x);
-        let blush = 1.0 + 0.16 * slow.x + 0.10 * broad.x + 0.06 * fine.x;
-        let tint = vec3f(blush, blush * blush, blush * blush) * mix(vec3f(1.0), vec3f(0.84, 0.60, 0.62), 0.35 * vessel);
-        s.albedo *= mix(vec3f(1.0), tint, s.scatter);
+        gradient = organ(s.albedo, in.rest, &s);
+    } else {
+        gradient = 0.05 * noise(in.rest * 60.0).yzw + 0.04 * turned_noise(in.rest * 150.0).yzw;
     }
-    let relief = gradient * (s.wetness * scale);
+    // Detail finer than a pixel would sparkle.
+    let footprint = max(length(rest_x), length(rest_y));
+    gradient *= saturate(1.0 - 90.0 * footprint);
+    let relief = gradient * (max(s.wetness, 0.35) * scale);
     s.film_normal = tilt(s.normal, relief, position_x, position_y, rest_x, rest_y);
-    s.normal = normalize(mix(s.normal, s.film_normal, 0.35));
+    s.normal = normalize(mix(s.normal, s.film_normal, 0.45));
+    if (front && in.lip > 0.0) {
+        lip(&s, in.lip, vec2f(lip_x, lip_y), position_x, position_y, scale, wall);
+    }
     return finish(shade(s), in.clip.xy);
+}
+
+const RAW: vec3f = vec3f(0.36, 0.038, 0.034);
+// Width of a wound's lip, in diagonals.
+const LIP_WIDTH: f32 = 0.0045;
+
+// The lip of a wound: a thin pale edge, where skin or capsule is seen cut, that rolls over into the wound and so catches the
+// light. `value` is 1 on the lip and falls across the faces beside it.
+fn lip(s: ptr<function, Surface>, value: f32, slope: vec2f, position_x: vec3f, position_y: vec3f, scale: f32, wall: bool) {
+    // Metres from the lip: what is left of the way, over the slope along the surface.
+    let n = (*s).shell_normal;
+    let r1 = cross(position_y, n);
+    let r2 = cross(n, position_x);
+    let det = dot(position_x, r1);
+    let uphill = (slope.x * r1 + slope.y * r2) * (sign(det) / max(abs(det), 1e-20));
+    let steep = length(uphill);
+    let distance = (1.0 - value) / max(steep, 1e-6);
+    let width = LIP_WIDTH * scale;
+    let near = smoothstep(width, 0.15 * width, distance);
+    let flush = smoothstep(4.0 * width, 0.0, distance);
+    if (wall) {
+        (*s).albedo = mix((*s).albedo, vec3f(0.52, 0.24, 0.17), 0.55 * near);
+        (*s).openness = mix((*s).openness, 0.95, flush);
+        return;
+    }
+    // Blood gathers beside the cut; the edge itself is pale.
+    (*s).albedo = mix((*s).albedo, (*s).albedo * vec3f(0.86, 0.45, 0.45), 0.65 * flush);
+    (*s).albedo = mix((*s).albedo, vec3f(0.66, 0.31, 0.25), 0.7 * near);
+    (*s).wetness = mix((*s).wetness, 1.0, near);
+    let towards = uphill / max(steep, 1e-6);
+    (*s).normal = normalize((*s).normal + 0.35 * near * towards);
+    (*s).film_normal = normalize((*s).film_normal + 0.5 * near * towards);
 }

@@ -87,17 +87,23 @@ struct Material {
 // One view of the scene.
 struct View {
     clip_from_world: mat4x4f,
-    light_from_world: mat4x4f,
-    eye: vec4f,
-    right: vec4f,     // camera axes in world space; w of `right` is tan(fov_y / 2) * aspect
-    up: vec4f,        // w: tan(fov_y / 2)
+    eye: vec4f,     // w: distance of the near plane
+    right: vec4f,   // axes in world space
+    up: vec4f,
     forward: vec4f,
-    scene_up: vec4f,  // w: the tray's height along it
-    key_light: vec4f, // towards the lamp; w: radiance
-    fill_light: vec4f,
+    lens: vec4f,    // tangents: half the width and height of the picture, then its centre
+    size: vec4f,    // width, height, 1 / width, 1 / height
+}
+
+// What all views of one call share, and the views.
+struct Frame {
+    light_from_world: mat4x4f,
+    scene_up: vec4f,    // w: the tray's height along it
+    key_light: vec4f,   // towards the lamp; w: radiance
+    fill_light: vec4f,  // towards the headlamp; w: radiance
     tray_centre: vec4f, // w: the tray's radius, 0 for none
-    size: vec4f,      // width, height, 1 / width, 1 / height
-    shadow: vec4f,    // texel size in uv, depth bias, normal offset in world units, 1 if there is a shadow map
+    shadow: vec4f,      // texel size in uv, depth bias, normal offset in world units, 1 if there is a shadow map
+    views: array<View, 8>,
 }
 
 // A coloured segment of the inspection layers; a point where both ends are the same.
@@ -106,4 +112,23 @@ struct Line {
     width: f32, // pixels
     b: array<f32, 3>,
     colour: u32, // RGBA8, linear, red lowest
+}
+
+// A corner of an instrument's triangle, world space.
+struct ToolVertex {
+    position: array<f32, 3>,
+    stuff: u32,
+    normal: array<f32, 3>,
+    colour: u32, // RGBA8, linear, red lowest
+}
+
+// True where the target stores what it is given: then we apply the sRGB curve, else the hardware does.
+override encode_srgb: bool = false;
+
+// Linear colour as the target wants it.
+fn stored(c: vec3f) -> vec3f {
+    if (encode_srgb) {
+        return select(1.055 * pow(max(c, vec3f(0.0)), vec3f(1.0 / 2.4)) - 0.055, 12.92 * c, c <= vec3f(0.0031308));
+    }
+    return c;
 }

@@ -20,6 +20,8 @@ pub struct FrameCounters {
     pub faces_visited: u64,
     /// Particles that the solver moved.
     pub particles_awake: u64,
+    /// Particle steps taken back since the start because they were not finite: such states are never drawn.
+    pub quarantined: u64,
     /// Heap allocations between the frame's start and the hand-over to the target.
     pub allocations: u64,
 }
@@ -58,12 +60,16 @@ pub trait FrameTarget {
     fn present(&mut self, view: &FrameView, stages: &mut Stages, counters: &mut FrameCounters) -> Result<(), Self::Error>;
 }
 
+static NO_LAYERS: BTreeSet<Layer> = BTreeSet::new();
+
 /// The scene and its clock.
 pub struct App {
     /// What is torn and cut.
     pub scene: Scene,
     layers: BTreeSet<Layer>,
     speed: f64,
+    /// Animation time at scene time 0 for the speed of now: a change of speed goes on from where the animation is.
+    animation_offset_s: f64,
     allocations: fn() -> u64,
 }
 
@@ -72,7 +78,18 @@ impl App {
     /// program has a counting allocator (else a function that returns 0).
     pub fn new(mut scene: Scene, speed: f64, allocations: fn() -> u64) -> Self {
         scene.watch_changes();
-        Self { scene, layers: BTreeSet::new(), speed, allocations }
+        Self { scene, layers: BTreeSet::new(), speed, animation_offset_s: 0.0, allocations }
+    }
+
+    /// Plays the animation at another speed from `now_s` on the scene's clock.
+    pub fn set_speed(&mut self, speed: f64, now_s: f64) {
+        self.animation_offset_s += now_s * (self.speed - speed);
+        self.speed = speed;
+    }
+
+    /// The scene as it is now, for a target that is shown it between frames: nothing has changed, no layer is on.
+    pub fn view(&self) -> FrameView<'_> {
+        FrameView { scene: &self.scene, changes: &[], layers: &NO_LAYERS, time_s: 0.0 }
     }
 
     /// One frame: tools -> edits -> pose -> physics -> target (upload, deform, draw). Edits finish before the simulation step.
@@ -95,11 +112,15 @@ impl App {
                 edits.extend(self.scene.edit(command.clone()));
             }
         });
-        stages.time("pose", || self.scene.pose(input.time_s, input.time_s * self.speed));
-        stages.time("physics", || self.scene.step(input.step_s));
+        let animation_s = input.time_s * self.speed + self.animation_offset_s;
+        stages.time("pose", || self.scene.pose(input.time_s, animation_s));
+        if input.step_s > 0.0 {
+            stages.time("physics", || self.scene.step(input.step_s));
+        }
         counters.faces_visited = edits.iter().map(|e| e.faces_visited as u64).sum();
         counters.particles_awake =
             self.scene.tissues().filter_map(|(_, t)| t.layer()).map(|l| l.network.awake_particles() as u64).sum();
+        counters.quarantined = self.scene.tissues().filter_map(|(_, t)| t.layer()).map(|l| l.network.quarantined()).sum();
         let changes = self.scene.take_changes();
         counters.allocations = (self.allocations)() - allocated;
         let view = FrameView { scene: &self.scene, changes: &changes, layers: &self.layers, time_s: input.time_s };

@@ -3,6 +3,7 @@
 //! Every key has a default, and the bundled `config.toml` says what the defaults are. Lengths are fractions of the
 //! model's bounding diagonal unless the key's text says otherwise, so that one file serves every model.
 
+use crate::physics::NetworkSettings;
 use crate::surgery::{SamplingSettings, SettingError, WallMode};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -49,10 +50,14 @@ pub struct Config {
     pub particles: ParticleSettings,
     /// How the layer moves.
     pub dynamics: DynamicsSettings,
+    /// What comes off.
+    pub pieces: PieceSettings,
     /// Sections.
     pub sections: SectionSettings,
     /// Pictures.
     pub render: RenderSettings,
+    /// The headset.
+    pub vr: VrSettings,
 }
 
 /// What a tear looks like.
@@ -114,12 +119,50 @@ pub struct DynamicsSettings {
     pub preset: PresetName,
     /// Seconds over which an edit's correction fades, so that nothing pops (MATHS 2.2).
     pub fade_time: f64,
+    /// Share of its weight that a particle feels, 0 to 1: models are usually made as they hang.
+    pub gravity: f64,
+    /// Share of its anchor's acceleration that a particle feels, 0 to 1.
+    pub inertia: f64,
     /// The soft preset.
     pub soft: DynamicsPreset,
     /// The firm preset.
     pub firm: DynamicsPreset,
     /// The sponge preset.
     pub sponge: DynamicsPreset,
+}
+
+/// What becomes of severed pieces (MATHS 6).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PieceSettings {
+    /// Whether pieces that come off fall, and may be pushed and picked up.
+    pub fall: bool,
+    /// Which piece stays.
+    pub fixed: FixedPiece,
+    /// kg/m^3.
+    pub density: f64,
+}
+
+/// Which piece stays when a tissue comes apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum FixedPiece {
+    /// The one with the largest surface.
+    #[default]
+    Largest,
+    /// The one on the skeleton's first joint; without a skeleton, the largest.
+    Root,
+}
+
+impl PieceSettings {
+    /// As the scene wants them.
+    pub fn for_scene(&self) -> crate::scene::PieceSettings {
+        let fixed = match self.fixed {
+            FixedPiece::Largest => crate::scene::Fixed::Largest,
+            FixedPiece::Root => crate::scene::Fixed::Root,
+        };
+        crate::scene::PieceSettings { fall: self.fall, fixed, density: self.density }
+    }
 }
 
 /// Sections (MATHS 5.8).
@@ -140,6 +183,48 @@ pub struct RenderSettings {
     pub height: u32,
 }
 
+/// The better hand.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Dexterity {
+    /// Forceps in the right hand.
+    Left,
+    /// Forceps in the left hand.
+    #[default]
+    Right,
+}
+
+/// The headset. Metres here are metres in the room.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct VrSettings {
+    /// The hand that holds the scalpel; the other one holds forceps.
+    pub hand: Dexterity,
+    /// Strength of vibrations: 0 for none, 1 for the strongest.
+    pub haptics: f64,
+    /// From the grip to the tip of the instrument, metres: x right, y up, -z forwards as the controller is held.
+    pub tip_offset: [f64; 3],
+    /// How much deeper the scalpel goes with the trigger fully pulled, metres.
+    pub reach: f64,
+    /// Radians of one snap turn.
+    pub snap_turn: f64,
+    /// Pictures a second; 0 leaves it to the headset.
+    pub refresh_rate: f64,
+}
+
+impl Default for VrSettings {
+    fn default() -> Self {
+        Self {
+            hand: Dexterity::Right,
+            haptics: 0.7,
+            tip_offset: [0.0, 0.0, -0.12],
+            reach: 0.03,
+            snap_turn: 0.5,
+            refresh_rate: 0.0,
+        }
+    }
+}
+
 impl Default for TearSettings {
     fn default() -> Self {
         Self { width: 0.01, wall: WallMode::Open, gap: 0.03, opening_time: 0.5 }
@@ -157,10 +242,18 @@ impl Default for DynamicsSettings {
         Self {
             preset: PresetName::Soft,
             fade_time: 0.25,
-            soft: DynamicsPreset { frequency: 3.0, damping: 0.5, coupling: 2.0 },
-            firm: DynamicsPreset { frequency: 8.0, damping: 0.8, coupling: 1.0 },
-            sponge: DynamicsPreset { frequency: 2.0, damping: 1.5, coupling: 0.3 },
+            gravity: 0.0,
+            inertia: 0.0,
+            soft: NetworkSettings::SOFT.into(),
+            firm: NetworkSettings::FIRM.into(),
+            sponge: NetworkSettings::SPONGE.into(),
         }
+    }
+}
+
+impl Default for PieceSettings {
+    fn default() -> Self {
+        Self { fall: true, fixed: FixedPiece::Largest, density: 1000.0 }
     }
 }
 
@@ -173,6 +266,13 @@ impl Default for SectionSettings {
 impl Default for RenderSettings {
     fn default() -> Self {
         Self { width: 640, height: 480 }
+    }
+}
+
+impl From<NetworkSettings> for DynamicsPreset {
+    fn from(settings: NetworkSettings) -> Self {
+        let NetworkSettings { frequency_hz, damping_ratio, coupling } = settings;
+        Self { frequency: frequency_hz, damping: damping_ratio, coupling }
     }
 }
 
@@ -207,7 +307,7 @@ impl Config {
     pub fn validate(&self) -> Result<(), SettingError> {
         self.sampling.validate().map_err(|e| SettingError { key: format!("sampling.{}", e.key), ..e })?;
         let mut rules = Rules(Ok(()));
-        let Self { tear, particles, dynamics, sections, render, .. } = self;
+        let Self { tear, particles, dynamics, pieces, sections, render, vr, .. } = self;
         rules.range("tear.width", tear.width, 0.0, 1.0, "from 0 to 1 (of the diagonal)");
         rules.range("tear.gap", tear.gap, 0.0, 1.0, "from 0 to 1 (of the diagonal)");
         rules.range("tear.opening_time", tear.opening_time, 0.0, 3600.0, "from 0 to 3600 s");
@@ -216,16 +316,26 @@ impl Config {
         rules.check("particles.radius", radius, radius > 1.0 && radius <= 100.0, "above 1 spacing, at most 100");
         rules.range("particles.neighbours", particles.neighbours, 0.0, 100.0, "from 0 to 100 spacings");
         rules.range("dynamics.fade_time", dynamics.fade_time, 0.0, 3600.0, "from 0 to 3600 s");
+        rules.range("dynamics.gravity", dynamics.gravity, 0.0, 1.0, "from 0 to 1");
+        rules.range("dynamics.inertia", dynamics.inertia, 0.0, 1.0, "from 0 to 1");
         for (name, preset) in [("soft", dynamics.soft), ("firm", dynamics.firm), ("sponge", dynamics.sponge)] {
             let key = |what: &str| format!("dynamics.{name}.{what}");
             let f = preset.frequency;
-            rules.check(&key("frequency"), f, f > 0.0 && f <= 1e6, "above 0, at most 1e6 Hz");
-            rules.range(&key("damping"), preset.damping, 0.0, 1e3, "from 0 to 1000");
+            rules.check(&key("frequency"), f, (1e-3..=1e6).contains(&f), "from 0.001 to 1e6 Hz");
+            rules.range(&key("damping"), preset.damping, 0.0, 100.0, "from 0 to 100");
             rules.range(&key("coupling"), preset.coupling, 0.0, 1e6, "from 0 to 1e6");
         }
+        rules.range("pieces.density", pieces.density, 1e-3, 1e5, "from 0.001 to 100000 kg/m^3");
         rules.range("sections.faces", f64::from(sections.faces), 1.0, 1e9, "1 or more");
         rules.range("render.width", f64::from(render.width), 1.0, 16384.0, "from 1 to 16384 pixels");
         rules.range("render.height", f64::from(render.height), 1.0, 16384.0, "from 1 to 16384 pixels");
+        rules.range("vr.haptics", vr.haptics, 0.0, 1.0, "from 0 to 1");
+        for x in vr.tip_offset {
+            rules.range("vr.tip_offset", x, -1.0, 1.0, "from -1 to 1 m each way");
+        }
+        rules.range("vr.reach", vr.reach, 0.0, 1.0, "from 0 to 1 m");
+        rules.range("vr.snap_turn", vr.snap_turn, 0.0, std::f64::consts::PI, "from 0 to pi radians");
+        rules.range("vr.refresh_rate", vr.refresh_rate, 0.0, 1000.0, "from 0 to 1000 a second");
         rules.0
     }
 

@@ -6,7 +6,8 @@
 //! |---|---|
 //! | [`cli`] | one file a sub-command |
 //! | [`app`] | owns the scene and the tools; one frame reads as a stage list |
-//! | [`host`] | headless (and, later, desktop and VR): each owns its loop |
+//! | [`host`] | headless, desktop (and, later, VR): each owns its loop |
+//! | [`panel`] | the control panel: a function of plain state, drawn by a host |
 //! | [`gpu`] | reads a scene, deforms and draws it, never changes it |
 //! | [`input`] | plain input frames, tools, scripts |
 //! | [`scene`] | tissues by id, edits, severed pieces, history |
@@ -30,6 +31,8 @@ pub mod gpu;
 #[cfg(feature = "gpu")]
 pub mod host;
 pub mod input;
+#[cfg(any(feature = "desktop", feature = "vr"))]
+pub mod panel;
 pub mod particles;
 pub mod physics;
 pub mod rig;

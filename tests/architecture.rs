@@ -14,7 +14,7 @@ const CORE: [&str; 8] = ["scene", "tissue", "formats", "particles", "physics", "
 
 /// Which module may name which. Besides, a module may name itself, all but geometry may name `diagnostics`, and the
 /// crate's root (lib.rs, main.rs) may name everything.
-const ARROWS: [(&str, &[&str]); 15] = [
+const ARROWS: [(&str, &[&str]); 16] = [
     ("geometry", &[]),
     ("diagnostics", &["geometry"]),
     ("rig", &["geometry"]),
@@ -24,25 +24,30 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("formats", &["rig", "geometry"]),
     ("tissue", &["formats", "particles", "physics", "rig", "surgery", "geometry"]),
     ("scene", &["tissue", "surgery", "particles", "physics", "rig", "geometry", "formats"]),
-    ("input", &["scene", "surgery", "geometry"]),
+    // Tools pick on the tissues as they are seen, so they read them; scripts name the rigid shapes of physics.
+    ("input", &["scene", "tissue", "physics", "surgery", "geometry"]),
     ("gpu", &["scene", "tissue", "particles", "rig", "geometry"]),
     // Plain settings of every part, handed down by those who may read them: app, host, cli.
     ("config", &["gpu", "input", "scene", "tissue", "formats", "particles", "physics", "rig", "surgery", "geometry"]),
+    // The control panel: a function of plain state, so that a window and a board in the world can show the same one.
+    ("panel", &["config", "input", "surgery"]),
     ("app", &["config", "gpu", "input", "CORE"]),
     // A host owns its loop and calls the app's frame, so the arrow between the two points this way.
-    ("host", &["app", "config", "gpu", "input", "CORE"]),
+    ("host", &["app", "panel", "config", "gpu", "input", "CORE"]),
     ("cli", &["app", "host", "config", "gpu", "input", "CORE"]),
 ];
 
 /// Which crates are named in which places only (paths below `src`, a file or a folder of that name).
-const CRATES: [(&str, &[&str]); 13] = [
+const CRATES: [(&str, &[&str]); 14] = [
     ("wgpu", &["gpu", "host"]),
     ("naga", &["gpu"]),
     ("openxr", &["host/vr"]),
     ("winit", &["host/desktop"]),
     ("egui", &["gpu/ui", "panel", "app/panel", "host/panel"]),
-    ("egui_wgpu", &["gpu/ui"]),
+    // besides the renderer, the choice of a surface format that egui can draw into
+    ("egui_wgpu", &["gpu/ui", "host/desktop"]),
     ("egui_winit", &["host/desktop"]),
+    ("rfd", &["host/desktop"]),
     ("rapier3d", &["physics"]),
     ("gltf", &["formats"]),
     ("gltf_json", &["formats"]),
@@ -269,7 +274,11 @@ fn glam_users(lock: &str) -> Vec<(String, String)> {
         }
         let uses = package.lines().map(|l| l.trim().trim_end_matches(',').trim_matches('"'));
         let uses = uses.filter(|l| *l == "glam" || l.starts_with("glam "));
-        users.extend(uses.filter(|_| name != "nalgebra").map(|l| (name.clone(), l["glam".len()..].trim().to_string())));
+        // nalgebra can convert to many; boolmesh is a reference of the tests and no part of the program
+        users.extend(
+            uses.filter(|_| !["nalgebra", "boolmesh"].contains(&name.as_str()))
+                .map(|l| (name.clone(), l["glam".len()..].trim().to_string())),
+        );
     }
     // The lock file leaves the version out where there is but one.
     users.iter().map(|(n, v)| (n.clone(), if v.is_empty() { glams.join(" ") } else { v.clone() })).collect()

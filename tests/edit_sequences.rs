@@ -14,6 +14,7 @@ use proptest::prelude::*;
 enum Step {
     Tear { from: DVec3, to: DVec3, axis: DVec3, width: f64, poses: usize, live: bool },
     Cut { normal: DVec3, at: DVec3 },
+    CutPart { tips: [DVec3; 2], axis: DVec3 },
     Undo,
     Redo,
     Wait { frames: usize },
@@ -29,9 +30,10 @@ fn inside() -> impl Strategy<Value = DVec3> {
 
 fn step() -> impl Strategy<Value = Step> {
     prop_oneof![
-        4 => (inside(), inside(), unit(), 0.005f64..0.15, 2usize..6, any::<bool>())
+        4 => (inside(), inside(), unit(), prop_oneof![1 => Just(0.0), 2 => 0.005f64..0.15], 2usize..6, any::<bool>())
             .prop_map(|(from, to, axis, width, poses, live)| Step::Tear { from, to, axis, width, poses, live }),
         2 => (unit(), inside()).prop_map(|(normal, at)| Step::Cut { normal, at }),
+        1 => (inside(), inside(), unit()).prop_map(|(a, b, axis)| Step::CutPart { tips: [a, b], axis }),
         2 => Just(Step::Undo),
         2 => Just(Step::Redo),
         2 => (1usize..8).prop_map(|frames| Step::Wait { frames }),
@@ -98,7 +100,10 @@ impl Run {
                 self.wait(2);
             }
         }
+        let before: f64 = self.scene.tissues().map(|(_, t)| t.measure_all().area).sum();
         let report = self.command(EditCommand::StrokeEnd)?.pop();
+        let after: f64 = self.scene.tissues().map(|(_, t)| t.measure_all().area).sum();
+        prop_assert!(*width > 0.0 || (after - before).abs() <= 1e-6 * before, "width 0 took out {}", before - after);
         Ok(report.map_or(Outcome::Missed, |r| r.outcome))
     }
 }
@@ -114,6 +119,18 @@ fn run(model: usize, steps: &[Step]) -> Result<(), TestCaseError> {
                 let plane = Plane::Equation { normal: *normal, offset: normal.dot(run.half * *at) };
                 let before = run.scene.tissues().map(|(_, t)| t.measure_all().area).sum::<f64>();
                 let report = run.command(EditCommand::Cut(plane))?.pop().unwrap();
+                let after = report.pieces.iter().map(|p| p.area).sum::<f64>();
+                prop_assert!((after - before).abs() <= 1e-6 * before, "areas {before} {after}");
+                prop_assert!(report.max_plane_distance.unwrap() <= 1e-6 * run.diagonal);
+                report.outcome != Outcome::Missed
+            }
+            Step::CutPart { tips, axis } => {
+                let [a, b] = tips.map(|t| run.half * t);
+                let up = *axis * run.half.length();
+                let plane = Plane::Points([a, b, b + up]);
+                let before = run.scene.tissues().map(|(_, t)| t.measure_all().area).sum::<f64>();
+                let corners = vec![a, b, b + up, a + up];
+                let report = run.command(EditCommand::CutBounded { plane, corners })?.pop().unwrap();
                 let after = report.pieces.iter().map(|p| p.area).sum::<f64>();
                 prop_assert!((after - before).abs() <= 1e-6 * before, "areas {before} {after}");
                 prop_assert!(report.max_plane_distance.unwrap() <= 1e-6 * run.diagonal);

@@ -15,7 +15,7 @@ fn the_best_adapter_is_found_and_named() -> Result<(), GpuError> {
 #[test]
 fn choices_are_kept() {
     for (adapter, software) in [(AdapterChoice::Software, true), (AdapterChoice::Hardware, false)] {
-        match Context::headless(ContextOptions { adapter }) {
+        match Context::headless(ContextOptions { adapter, ..Default::default() }) {
             Ok(context) => assert_eq!(context.adapter_kind() == AdapterKind::Software, software),
             Err(error) => assert!(error.to_string().contains("mesa-vulkan-drivers"), "{error}"),
         }
@@ -42,5 +42,25 @@ fn a_refused_call_is_an_error_and_no_panic() -> Result<(), GpuError> {
     assert!(matches!(context.check(), Err(GpuError::Lost(_))));
     assert!(matches!(context.wait(), Err(GpuError::Lost(_))));
     assert!(required_limits().max_buffer_size < size);
+    Ok(())
+}
+
+#[test]
+fn a_device_that_is_gone_is_an_error_and_can_be_opened_again() -> Result<(), GpuError> {
+    let context = Context::headless(ContextOptions::default())?;
+    context.device().destroy();
+    assert!(matches!(context.wait(), Err(GpuError::Lost(_))));
+    let again = context.reopen()?;
+    assert_eq!((again.adapter_name(), again.samples()), (context.adapter_name(), context.samples()));
+    again.wait()
+}
+
+#[test]
+fn optional_features_can_be_left_out() -> Result<(), GpuError> {
+    let plain = Context::headless(ContextOptions { plain: true, ..Default::default() })?;
+    assert!(plain.device().features().is_empty() && !plain.draws_views_at_once(2, 1));
+    assert!(plain.reopen()?.device().features().is_empty());
+    let mut renderer = incise::gpu::Renderer::new(std::sync::Arc::new(plain));
+    assert!(!renderer.set_timing(true) && renderer.gpu_times().is_none());
     Ok(())
 }

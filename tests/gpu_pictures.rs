@@ -1,17 +1,15 @@
-//! Golden pictures: small, from a software adapter, compared with a tolerance. `INCISE_BLESS=1` writes new ones; look at
-//! them before you keep them. A picture that fails is written to the target folder.
+//! Golden pictures of plain models (see gpu_support/golden.rs for how they are compared), and what may differ from them.
 #![cfg(feature = "gpu")]
 
 mod gpu_support;
 
 use glam::{DAffine3, DVec3};
-use gpu_support::{Model, bar, bend, context, sphere, write_png};
+use gpu_support::golden::{TOLERANCE, compare, difference, load};
+use gpu_support::{Model, bar, bend, context, sphere};
 use incise::geometry::FaceId;
 use incise::gpu::{Camera, DrawOptions, LineSegment, MaterialView, Renderer, Scenery, TextureView, TissueDirty};
 
 const SIZE: (u32, u32) = (160, 120);
-/// Mean difference of a channel, in 8-bit steps. Drivers round differently; another picture differs by far more.
-const TOLERANCE: f64 = 1.0;
 
 fn camera(renderer: &Renderer, direction: DVec3) -> Camera {
     Camera::framing(renderer.bounds(), direction, DVec3::Y, 0.7, f64::from(SIZE.0) / f64::from(SIZE.1))
@@ -24,32 +22,6 @@ fn picture(models: &[&Model], direction: DVec3, options: &DrawOptions<'_>) -> Ve
     }
     let camera = camera(&renderer, direction);
     renderer.render_to_image(&camera, SIZE, options).expect("a picture")
-}
-
-fn difference(a: &[u8], b: &[u8]) -> f64 {
-    if a.len() != b.len() {
-        return f64::INFINITY;
-    }
-    a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
-}
-
-fn golden_path(name: &str) -> std::path::PathBuf {
-    std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(format!("{name}.png"))
-}
-
-fn load(name: &str) -> Vec<u8> {
-    image::open(golden_path(name)).map(|i| i.to_rgba8().into_raw()).unwrap_or_default()
-}
-
-fn compare(name: &str, rgba: &[u8]) {
-    if std::env::var_os("INCISE_BLESS").is_some() {
-        image::save_buffer(golden_path(name), rgba, SIZE.0, SIZE.1, image::ExtendedColorType::Rgba8).expect("writable");
-    }
-    let found = difference(rgba, &load(name));
-    if found > TOLERANCE {
-        let path = write_png(&format!("failed-{name}"), SIZE, rgba);
-        panic!("{name} differs by {found:.2} steps a channel; see {} and tests/golden", path.display());
-    }
 }
 
 /// The bar, bent, with a slit along its top.
@@ -68,12 +40,12 @@ fn wounded_bar() -> Model {
 
 #[test]
 fn a_sphere_of_flesh() {
-    compare("sphere", &picture(&[&sphere(16, 1.0)], DVec3::new(0.2, 0.4, 1.0), &DrawOptions::default()));
+    compare("sphere", SIZE, &picture(&[&sphere(16, 1.0)], DVec3::new(0.2, 0.4, 1.0), &DrawOptions::default()));
 }
 
 #[test]
 fn an_open_wound_shows_its_inside() {
-    compare("wound", &picture(&[&wounded_bar()], DVec3::new(0.2, 1.0, 0.8), &DrawOptions::default()));
+    compare("wound", SIZE, &picture(&[&wounded_bar()], DVec3::new(0.2, 1.0, 0.8), &DrawOptions::default()));
 }
 
 #[test]
@@ -113,7 +85,7 @@ fn several_tissues_textures_and_lines() {
         })
         .collect();
     let options = DrawOptions { lines: &lines, ..Default::default() };
-    compare("several", &picture(&[&left, &right], DVec3::new(0.0, 0.3, 1.0), &options));
+    compare("several", SIZE, &picture(&[&left, &right], DVec3::new(0.0, 0.3, 1.0), &options));
     let without = picture(&[&left, &right], DVec3::new(0.0, 0.3, 1.0), &DrawOptions::default());
     assert!(difference(&without, &load("several")) > TOLERANCE, "lines must show");
 }

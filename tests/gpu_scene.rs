@@ -69,3 +69,25 @@ fn a_sleeping_scene_costs_nothing() {
         assert_eq!((asleep.counters.dispatches, asleep.counters.bytes_uploaded), (0, 0));
     }
 }
+
+#[test]
+fn a_lost_device_is_replaced_and_everything_goes_on() {
+    let camera = Camera { eye: DVec3::new(0.0, 0.3, 0.9), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.9 };
+    let play = |lose: bool| {
+        let mut target = HeadlessTarget::new((64, 48), camera).expect("a Vulkan adapter, real or software");
+        let mut app = App::new(scene("beam", 900).0, 1.0, || 0);
+        frame(&mut app, &mut target, 0, Vec::new());
+        let plane = Plane::Equation { normal: DVec3::new(1.0, 0.2, 0.1), offset: 0.05 };
+        frame(&mut app, &mut target, 1, vec![EditCommand::Cut(plane)]);
+        if lose {
+            target.mirror().renderer().context().device().destroy();
+        }
+        let after = frame(&mut app, &mut target, 2, Vec::new());
+        assert!(target.gpu_error(&app).unwrap() <= 1e-6);
+        (after.counters.bytes_uploaded, target.pixels().to_vec())
+    };
+    let (usual, with_one) = play(false);
+    let (anew, with_two) = play(true);
+    assert!(with_one == with_two, "the picture is the same");
+    assert!(anew > usual + 50_000, "everything was uploaded again: {anew} bytes");
+}

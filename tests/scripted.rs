@@ -47,6 +47,7 @@ moves = [ { t = 0.3, by = [0.01, 0.05, 0.02] } ]
 kind = "cut"
 at = 0.6
 plane = [1, 0.4, 0.2, 0.03]
+cap = false
 "#;
 
 #[test]

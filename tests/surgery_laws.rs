@@ -3,83 +3,12 @@
 mod common;
 
 use common::Solid;
-use glam::{DMat3, DQuat, DVec3};
-use incise::geometry::{FaceId, Plane, VertexId};
-use incise::surgery::Side;
+use common::bodies::{Hexahedron, any_box, append, grid_box, tear};
+use glam::{DMat3, DVec3};
+use incise::geometry::{FaceId, Plane};
 use incise::surgery::plane_cut::{PlaneCutScratch, plane_cut};
-use incise::surgery::tear::{Body, TearScratch, TearStep, tear_step};
+use incise::surgery::tear::TearStep;
 use proptest::prelude::*;
-
-/// A box with axes `axes` (columns), centre and half extents, as six planes through its corners.
-#[derive(Debug)]
-struct Hexahedron {
-    planes: Vec<Plane>,
-    sides: Vec<Side>,
-    min: DVec3,
-    max: DVec3,
-}
-
-impl Hexahedron {
-    fn new(centre: DVec3, axes: DMat3, half: DVec3) -> Self {
-        let corner = |x: f64, y: f64, z: f64| centre + axes * (half * DVec3::new(x, y, z));
-        let mut planes = Vec::new();
-        for axis in 0..3 {
-            for s in [-1.0, 1.0] {
-                let at = |u: f64, v: f64| {
-                    let mut c = [0.0; 3];
-                    c[axis] = s;
-                    c[(axis + 1) % 3] = u * s;
-                    c[(axis + 2) % 3] = v;
-                    corner(c[0], c[1], c[2])
-                };
-                planes.push(Plane::Points([at(-1.0, -1.0), at(1.0, -1.0), at(1.0, 1.0)]));
-            }
-        }
-        let corners: Vec<DVec3> = (0..8)
-            .map(|i| corner(f64::from(i & 1) * 2.0 - 1.0, f64::from(i >> 1 & 1) * 2.0 - 1.0, f64::from(i >> 2) * 2.0 - 1.0))
-            .collect();
-        let sides = vec![Side::Start, Side::End, Side::Minus, Side::Plus, Side::Floor, Side::Top];
-        let min = corners.iter().copied().reduce(DVec3::min).unwrap();
-        let max = corners.iter().copied().reduce(DVec3::max).unwrap();
-        for plane in &planes {
-            assert!(plane.distance(centre) < 0.0);
-        }
-        Self { planes, sides, min, max }
-    }
-
-    fn body(&self) -> Body<'_> {
-        Body { planes: &self.planes, sides: &self.sides, min: self.min, max: self.max }
-    }
-
-    fn depth(&self, p: DVec3) -> f64 {
-        self.planes.iter().map(|k| k.distance(p)).fold(f64::NEG_INFINITY, f64::max)
-    }
-}
-
-fn tear(solid: &mut Solid, body: &Hexahedron) -> (bool, TearStep) {
-    let candidates: Vec<FaceId> = solid.mesh.live_faces().collect();
-    let mut out = TearStep::default();
-    let positions = solid.positions.clone();
-    let hit = tear_step(
-        &mut solid.mesh,
-        &body.body(),
-        &candidates,
-        &|v: VertexId| positions[v.index()],
-        &[],
-        &mut TearScratch::default(),
-        &mut out,
-    );
-    append(solid, &out.new_vertices);
-    (hit, out)
-}
-
-fn append(solid: &mut Solid, new: &[incise::surgery::insert::NewVertex]) {
-    for n in new {
-        assert_eq!(n.vertex.index(), solid.positions.len());
-        assert!((n.parents().iter().map(|p| p.1).sum::<f64>() - 1.0).abs() < 1e-14);
-        solid.positions.push(n.position);
-    }
-}
 
 /// What must hold after a tear by a convex body.
 fn check_tear(before: &Solid, after: &Solid, body: &Hexahedron, hit: bool, step: &TearStep) -> Result<(), TestCaseError> {
@@ -106,30 +35,6 @@ fn check_tear(before: &Solid, after: &Solid, body: &Hexahedron, hit: bool, step:
     Ok(())
 }
 
-fn any_box(centre: f64, half: f64) -> impl Strategy<Value = Hexahedron> {
-    let axis = prop::array::uniform3(-1.0f64..1.0);
-    (prop::array::uniform3(-centre..centre), prop::array::uniform3(0.01..half), axis, 0.0f64..6.0).prop_map(
-        |(c, h, axis, angle)| {
-            let axis = DVec3::from_array(axis).try_normalize().unwrap_or(DVec3::X);
-            Hexahedron::new(DVec3::from_array(c), DMat3::from_quat(DQuat::from_axis_angle(axis, angle)), DVec3::from_array(h))
-        },
-    )
-}
-
-fn grid_box(n: i32) -> impl Strategy<Value = Hexahedron> {
-    (prop::array::uniform3(-1..2 * n + 2), prop::array::uniform3(1..2 * n), 0..4i32).prop_map(|(low, size, turn)| {
-        // half-integer corners: planes through vertices, edges and whole faces
-        let low = DVec3::from_array(low.map(|x| f64::from(x) * 0.5));
-        let half = DVec3::from_array(size.map(|x| f64::from(x) * 0.25));
-        let axes = match turn {
-            0 | 1 => DMat3::IDENTITY,
-            2 => DMat3::from_cols(DVec3::new(1.0, 1.0, 0.0), DVec3::new(-1.0, 1.0, 0.0), DVec3::Z),
-            _ => DMat3::from_cols(DVec3::new(1.0, 0.0, 1.0), DVec3::Y, DVec3::new(-1.0, 0.0, 1.0)),
-        };
-        Hexahedron::new(low + half, axes, half)
-    })
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(300))]
 
@@ -139,7 +44,7 @@ proptest! {
         let mut bodies: Vec<Hexahedron> = Vec::new();
         for body in boxes {
             let before = solid.clone();
-            let (hit, step) = tear(&mut solid, &body);
+            let (hit, step) = tear(&mut solid, &body, false);
             if bodies.is_empty() {
                 check_tear(&before, &solid, &body, hit, &step)?;
             }
@@ -158,7 +63,7 @@ proptest! {
         let mut solid = Solid::cube(3);
         for (i, body) in boxes.iter().enumerate() {
             let before = solid.clone();
-            let (hit, step) = tear(&mut solid, body);
+            let (hit, step) = tear(&mut solid, body, false);
             if i == 0 {
                 check_tear(&before, &solid, body, hit, &step)?;
             }
@@ -203,7 +108,7 @@ fn a_broken_tear_is_caught() {
     let before = Solid::sphere(1.0, 2);
     let body = Hexahedron::new(DVec3::X, DMat3::IDENTITY, DVec3::splat(0.3));
     let mut after = before.clone();
-    let (hit, step) = tear(&mut after, &body);
+    let (hit, step) = tear(&mut after, &body, false);
     assert!(check_tear(&before, &after, &body, hit, &step).is_ok());
     let away = after.mesh.live_faces().find(|&f| after.mesh.face(f).iter().all(|&v| after.at(v).x < 0.0)).unwrap();
     after.mesh.replace_faces(&[away], &[], |_| 0, &mut Default::default());

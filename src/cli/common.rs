@@ -9,6 +9,8 @@ use crate::physics::NetworkSettings;
 use crate::rig::Rig;
 use crate::scene::{Scene, SceneSettings};
 use crate::tissue::{Tissue, TissueSettings};
+#[cfg(feature = "gpu")]
+use crate::{surgery::WallMode, tissue::forces::BodyForces};
 use clap::Args;
 use glam::DVec3;
 use std::io::Write;
@@ -90,10 +92,13 @@ pub fn diagonal(model: &Model) -> f64 {
     (high - low).length()
 }
 
+/// Why walls need a width.
+pub const NO_WALLS: &str = "the walls of a slit of width 0 would be two sheets in one place; give a width above 0, or open walls";
+
 /// Checks a tear's width against the model that it is for.
 pub fn check_width(width: f64, diagonal: f64) -> Result<(), String> {
-    if !(width.is_finite() && width > 0.0) {
-        return Err("give a width above 0, in metres".into());
+    if !(width.is_finite() && width >= 0.0) {
+        return Err("give a width of 0 or more, in metres".into());
     }
     // A slit that wide has no shape: its mitred joints would reach past each other whatever the path.
     if width > WIDEST * diagonal {
@@ -169,6 +174,44 @@ pub fn posed_scene(
     scene.set_animation(animation);
     scene.pose(0.0, pose.time);
     Ok(scene)
+}
+
+/// A scene that runs: what lines its tears, what becomes of pieces, and what pulls at the tissue, as the configuration says.
+#[cfg(feature = "gpu")]
+pub fn live_scene(tissue: Tissue, tools: SceneSettings, wall: WallMode, config: &Config) -> Scene {
+    let mut scene = Scene::new(tissue, tools);
+    scene.set_wall(wall);
+    scene.set_pieces(config.pieces.for_scene());
+    scene.set_body_forces(BodyForces { gravity: config.dynamics.gravity, inertia: config.dynamics.inertia });
+    scene
+}
+
+/// Names of the scene's tissues as files call them: the model's own, and pieces by number.
+pub fn piece_names(scene: &Scene) -> Vec<String> {
+    let name = |(id, t): (crate::scene::TissueId, &Tissue)| match id.0 {
+        0 => t.name.clone(),
+        piece => format!("{}-{piece}", t.name),
+    };
+    scene.tissues().map(name).collect()
+}
+
+/// The scene's tissues as exporters take them.
+pub fn export_pieces<'a>(scene: &'a Scene, names: &'a [String]) -> Vec<formats::ExportPiece<'a>> {
+    let piece = |((_, t), name): ((_, &'a Tissue), &'a String)| formats::ExportPiece {
+        name,
+        mesh: t.mesh(),
+        rows: t.rows(),
+        materials: t.materials(),
+    };
+    scene.tissues().zip(names).map(piece).collect()
+}
+
+/// The whole scene as binary glTF, a node a piece, and the largest deviation of its plain skin weights (MATHS 1.8).
+pub fn scene_glb(scene: &Scene) -> Result<(Vec<u8>, f64), CliError> {
+    let names = piece_names(scene);
+    let Some((_, first)) = scene.tissues().next() else { return Err(CliError::Run("the scene is empty".into())) };
+    let (bytes, report) = formats::export_glb(first.rig(), &export_pieces(scene, &names), first.pose()).map_err(CliError::run)?;
+    Ok((bytes, report.deviation))
 }
 
 /// The output format.

@@ -7,6 +7,7 @@ use crate::config::Config;
 use crate::formats::{ExportPiece, export_glb, export_obj};
 use crate::geometry::Plane;
 use crate::scene::{EditCommand, EditReport, Outcome, Scene};
+use crate::surgery::leaf::Leaf;
 use clap::Args;
 use glam::DVec3;
 use std::path::PathBuf;
@@ -19,7 +20,12 @@ pub struct Cut {
     /// The plane n.x = d in model space, metres; any n but zero.
     #[arg(long, value_name = "nx,ny,nz,d", allow_hyphen_values = true)]
     plane: String,
-    /// Close the pieces with caps. Not built yet: the pieces stay open, and a warning says so.
+    /// Cut only the part of the plane that the blade swept: three or four points, convex, metres: the tip before and after,
+    /// then the blade's other end after (and before). Points off the plane are dropped onto it. The cut ends inside the
+    /// model where they do, and gets no caps.
+    #[arg(long, value_name = "x,y,z,x,y,z,x,y,z[,x,y,z]", allow_hyphen_values = true, conflicts_with = "cap")]
+    bounded: Option<String>,
+    /// Close the pieces with caps. Where the model is open, loops that are not closed get none; a warning says so.
     #[arg(long)]
     cap: bool,
     #[command(flatten)]
@@ -43,14 +49,19 @@ pub struct Cut {
 impl Cut {
     pub fn run(self, config: &Config) -> Result<(), CliError> {
         let plane = parse_plane(&self.plane)?;
+        let command = match &self.bounded {
+            Some(text) => EditCommand::CutBounded { plane, corners: parse_bounded(text, &plane)? },
+            None if self.cap => EditCommand::CutClosed(plane),
+            None => EditCommand::Cut(plane),
+        };
         let model = load(&self.model)?;
         let particles = if self.no_particles { None } else { Some(self.particles.settings(&model, config)?) };
         let mut scene = posed_scene(model, &self.pose, particles, config)?;
-        if self.cap {
-            tracing::warn!("--cap: caps are not built yet; the pieces stay open along the cut");
-        }
         make_folder(&self.out)?;
-        let report = scene.edit(EditCommand::Cut(plane)).pop().unwrap_or_default();
+        let report = scene.edit(command).pop().unwrap_or_default();
+        if report.caps.unclosed_edges > 0 {
+            tracing::warn!("--cap: {} edges of the cut are in no closed loop and stay open", report.caps.unclosed_edges);
+        }
         let deviation = self.write_pieces(&scene, &report)?;
         if self.json {
             let mut value = report_json::edit(&report);
@@ -60,7 +71,7 @@ impl Cut {
         }
         print_line(&format!("{}: {} piece(s) in {}", report.outcome.as_str(), report.pieces.len(), self.out.display()));
         for (i, piece) in report.pieces.iter().enumerate() {
-            let side = if report.outcome == Outcome::Missed {
+            let side = if report.outcome == Outcome::Missed || piece.side == 0 {
                 ""
             } else if piece.side < 0 {
                 ", negative side"
@@ -114,9 +125,48 @@ fn parse_plane(text: &str) -> Result<Plane, CliError> {
     Ok(Plane::Equation { normal: normal * scale, offset: d * scale })
 }
 
+/// Parses the corners of a bounded cut and drops them onto the plane.
+fn parse_bounded(text: &str, plane: &Plane) -> Result<Vec<DVec3>, CliError> {
+    let bad = |why: &str| CliError::Input(format!("--bounded {text:?}: {why}; give three or four points x,y,z in a row"));
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
+    let numbers = numbers.map_err(|_| bad("not all are numbers"))?;
+    if !matches!(numbers.len(), 9 | 12) {
+        return Err(bad("not nine or twelve numbers"));
+    }
+    if numbers.iter().any(|x| x.is_nan() || x.abs() > 1e12) {
+        return Err(bad("not all numbers are finite and below 1e12"));
+    }
+    let onto = |p: &[f64]| {
+        let p = DVec3::from_slice(p);
+        p - plane.normal() * plane.distance(p)
+    };
+    let corners: Vec<DVec3> = numbers.chunks(3).map(onto).collect();
+    match Leaf::in_plane(*plane, &corners) {
+        Some(_) => Ok(corners),
+        None => Err(bad("on the plane these are no convex polygon with an area, in order around it")),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bounds_parse_or_say_why_not() {
+        let plane = Plane::Equation { normal: DVec3::Y, offset: 0.5 };
+        let corners = parse_bounded("0,0,0, 1,0.4,0, 1,0.5,1, 0,9,1", &plane).unwrap();
+        assert!(corners.iter().all(|p| p.y == 0.5) && corners.len() == 4);
+        let why = |text: &str| match parse_bounded(text, &plane) {
+            Err(CliError::Input(message)) => message,
+            other => panic!("{other:?}"),
+        };
+        assert!(why("0,0,0,1,0,0,1,0").contains("nine or twelve"));
+        assert!(why("0,0,0,1,0,0,1,0,x").contains("numbers"));
+        assert!(why("0,0,0,1,0,0,1,0,inf").contains("finite"));
+        assert!(why("0,0,0,1,0,0,2,0,0").contains("convex"), "in line");
+        assert!(why("0,0,0,1,0,1,1,0,0,0,0,1").contains("convex"), "a bow tie");
+        assert!(why("0,0,0,0,1,0,1,2,0").contains("convex"), "in line once dropped onto the plane");
+    }
 
     #[test]
     fn planes_parse_or_say_why_not() {

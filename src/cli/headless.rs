@@ -2,8 +2,8 @@
 
 use super::CliError;
 use super::common::{
-    PoseArgs, check_particles, check_width, diagonal, find_animation, load, make_folder, particle_settings, print_line,
-    tissue_settings, write_file,
+    NO_WALLS, PoseArgs, check_particles, check_width, diagonal, find_animation, live_scene, load, make_folder, particle_settings,
+    print_line, tissue_settings, write_file,
 };
 use super::report_json;
 use crate::app::{App, FrameReport};
@@ -127,42 +127,13 @@ impl Headless {
     }
 
     fn write_report(&self, app: &App, target: &HeadlessTarget, reports: &[FrameReport]) -> Result<(), CliError> {
-        let edits: Vec<serde_json::Value> = reports
-            .iter()
-            .enumerate()
-            .flat_map(|(frame, report)| report.edits.iter().map(move |edit| (frame, edit)))
-            .map(|(frame, edit)| {
-                let mut value = report_json::edit(edit);
-                value["frame"] = json!(frame);
-                value["export_deviation"] = json!(null); // nothing is exported
-                value
-            })
-            .collect();
-        let frame = |report: &FrameReport| {
-            let stage = |name: &str| report.stages.get(name);
-            json!({
-                "time": report.time_s,
-                "stages_ms": {
-                    "tools": stage("tools"), "edit": stage("edit"), "pose": stage("pose"), "physics": stage("physics"),
-                    "upload": stage("upload"), "deform": stage("deform"), "draw": stage("draw"), "total": report.stages.total(),
-                },
-                "counters": {
-                    "dispatches": report.counters.dispatches,
-                    "draws": report.counters.draws,
-                    "bytes_uploaded": report.counters.bytes_uploaded,
-                    "faces_visited": report.counters.faces_visited,
-                    "particles_awake": report.counters.particles_awake,
-                    "allocations": report.counters.allocations,
-                },
-            })
-        };
         let report = json!({
             "adapter": target.adapter_name(),
             "edit_hash": format!("{:016x}", app.scene.edit_hash()),
             "state_hash": format!("{:016x}", app.scene.state_hash()),
-            "edits": edits,
+            "edits": report_json::edits(reports.iter()),
             "errors": { "gpu_vs_cpu_max": target.gpu_error(app).map_err(CliError::run)? },
-            "frames": reports.iter().map(frame).collect::<Vec<_>>(),
+            "frames": reports.iter().map(frame_json).collect::<Vec<_>>(),
         });
         write_file(&self.out.join("report.json"), format!("{report:#}\n").as_bytes())
     }
@@ -182,8 +153,8 @@ fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, 
     let in_script = |why: String| CliError::Input(format!("{}: [tear] {why}", script.origin.display()));
     if tears {
         check_width(width, diagonal).map_err(|why| in_script(format!("width = {width}: {why}")))?;
-        if script.tear.wall.unwrap_or(config.tear.wall) == WallMode::Closed {
-            return Err(in_script("wall = \"closed\": walls and floors are not built yet; use \"open\"".into()));
+        if width == 0.0 && script.tear.wall.unwrap_or(config.tear.wall) == WallMode::Closed {
+            return Err(in_script(format!("wall = \"closed\" with width = 0: {NO_WALLS}")));
         }
     }
     let mut particles = particle_settings(&model, config, &script.particles, script.seed)?;
@@ -201,7 +172,28 @@ fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, 
         sample_distance: script.tear.sample_distance,
         sample_time: script.tear.sample_time,
     };
-    Ok((Scene::new(tissue, scene), width))
+    Ok((live_scene(tissue, scene, script.tear.wall.unwrap_or(config.tear.wall), config), width))
+}
+
+/// A frame, all keys of the report.
+pub(super) fn frame_json(report: &FrameReport) -> serde_json::Value {
+    let stage = |name: &str| report.stages.get(name);
+    json!({
+        "time": report.time_s,
+        "stages_ms": {
+            "tools": stage("tools"), "edit": stage("edit"), "pose": stage("pose"), "physics": stage("physics"),
+            "upload": stage("upload"), "deform": stage("deform"), "draw": stage("draw"), "total": report.stages.total(),
+        },
+        "counters": {
+            "dispatches": report.counters.dispatches,
+            "draws": report.counters.draws,
+            "bytes_uploaded": report.counters.bytes_uploaded,
+            "faces_visited": report.counters.faces_visited,
+            "particles_awake": report.counters.particles_awake,
+            "quarantined": report.counters.quarantined,
+            "allocations": report.counters.allocations,
+        },
+    })
 }
 
 /// Frames the model from the front.
@@ -216,7 +208,7 @@ fn write_png(path: &Path, pixels: &[u8], (width, height): (u32, u32)) -> Result<
         .map_err(|e| CliError::Run(format!("cannot write {}: {e}", path.display())))
 }
 
-fn parse_size(text: &str) -> Result<(u32, u32), String> {
+pub(super) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     let side = |text: &str| text.parse::<u32>().ok().filter(|n| (1..=8192).contains(n));
     text.split_once(['x', 'X'])
         .and_then(|(w, h)| Some((side(w)?, side(h)?)))

@@ -1,8 +1,11 @@
 //! The command line: one file a sub-command. Results on stdout, everything else on stderr; exit 2 for bad usage or input,
 //! 1 for a failed run.
 
+mod bench;
 mod common;
 mod cut;
+#[cfg(feature = "desktop")]
+mod desktop;
 mod generate;
 #[cfg(feature = "gpu")]
 mod headless;
@@ -10,13 +13,15 @@ mod inspect;
 mod particles;
 mod report_json;
 mod tear;
+#[cfg(feature = "vr")]
+mod vr;
 
 use crate::config::Config;
 use clap::{Parser, Subcommand};
 use std::path::{Path, PathBuf};
 
 const AFTER_HELP: &str = "\
-Without a sub-command: the headless demo, pictures in out/.
+Without a sub-command: the headset, else the window, or, where there is neither, the headless demo with its pictures in out/.
 
 A MODEL is a .glb, .gltf, .obj or .stl file, or one of the bundled beam, heart and sphere. Lengths are in metres.
 Results go to stdout, everything else to stderr. Exit codes: 0 done, 1 the run failed, 2 bad usage or input.
@@ -51,9 +56,17 @@ enum Command {
     Particles(particles::Particles),
     /// Writes a bundled model.
     Generate(generate::Generate),
+    /// Measures run time against error.
+    Bench(bench::Bench),
     /// Renders a scripted scene to pictures, without a window.
     #[cfg(feature = "gpu")]
     Headless(headless::Headless),
+    /// Starts on the headset.
+    #[cfg(feature = "vr")]
+    Vr(vr::Vr),
+    /// Opens a window: tear, cut and grab with the mouse.
+    #[cfg(feature = "desktop")]
+    Desktop(desktop::Desktop),
 }
 
 /// Why a command failed, and with which exit code.
@@ -66,6 +79,14 @@ pub enum CliError {
 }
 
 impl CliError {
+    /// The words, whatever the exit code.
+    #[cfg(feature = "desktop")]
+    fn into_message(self) -> String {
+        match self {
+            Self::Input(message) | Self::Run(message) => message,
+        }
+    }
+
     fn input(error: impl std::fmt::Display) -> Self {
         Self::Input(error.to_string())
     }
@@ -92,7 +113,8 @@ pub fn main(allocations: fn() -> u64) -> u8 {
         .without_time()
         .with_target(false)
         .init();
-    let result = load_config(arguments.config.as_deref()).and_then(|config| run(arguments.command, &config, allocations));
+    let file = arguments.config.as_deref();
+    let result = load_config(file).and_then(|config| run(arguments.command, &config, file, allocations));
     match result {
         Ok(()) => 0,
         Err(CliError::Input(message)) => complain(&message, 2),
@@ -109,17 +131,24 @@ fn load_config(named: Option<&Path>) -> Result<Config, CliError> {
     }
 }
 
-fn run(command: Option<Command>, config: &Config, allocations: fn() -> u64) -> Result<(), CliError> {
+fn run(command: Option<Command>, config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> Result<(), CliError> {
+    #[cfg(not(feature = "desktop"))]
+    let _ = file;
     match command {
         Some(Command::Inspect(command)) => command.run(),
         Some(Command::Cut(command)) => command.run(config),
         Some(Command::Tear(command)) => command.run(config),
         Some(Command::Particles(command)) => command.run(config),
         Some(Command::Generate(command)) => command.run(),
+        Some(Command::Bench(command)) => command.run(config),
         #[cfg(feature = "gpu")]
         Some(Command::Headless(command)) => command.run(config, allocations),
+        #[cfg(feature = "vr")]
+        Some(Command::Vr(command)) => command.run(config, allocations),
+        #[cfg(feature = "desktop")]
+        Some(Command::Desktop(command)) => command.run(config, file, allocations),
         #[cfg(feature = "gpu")]
-        None => headless::Headless::demo().run(config, allocations),
+        None => best_mode(config, file, allocations),
         #[cfg(not(feature = "gpu"))]
         None => {
             let _ = allocations;
@@ -128,6 +157,28 @@ fn run(command: Option<Command>, config: &Config, allocations: fn() -> u64) -> R
             ))
         }
     }
+}
+
+/// The best mode there is: the headset, else a window, else the headless demo.
+#[cfg(feature = "gpu")]
+fn best_mode(config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> Result<(), CliError> {
+    #[cfg(feature = "vr")]
+    match crate::host::vr::available() {
+        Ok(()) => return vr::Vr::plain().run(config, allocations),
+        Err(why) => tracing::info!("{why}"),
+    }
+    #[cfg(feature = "desktop")]
+    if crate::host::desktop::has_display() {
+        match desktop::Desktop::plain().open(config, file, allocations)? {
+            Ok(()) => return Ok(()),
+            Err(why) => tracing::warn!("{why}"),
+        }
+    } else {
+        tracing::warn!("no display: neither DISPLAY nor WAYLAND_DISPLAY is set. Playing the headless demo instead");
+    }
+    #[cfg(not(feature = "desktop"))]
+    let _ = file;
+    headless::Headless::demo().run(config, allocations)
 }
 
 fn complain(message: &str, code: u8) -> u8 {

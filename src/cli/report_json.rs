@@ -54,12 +54,33 @@ pub fn edit(report: &EditReport) -> Value {
         "time_ms": stages(&report.stages),
     });
     match report.kind {
-        "cut" => value["max_plane_distance"] = json!(report.max_plane_distance),
+        "cut" => {
+            value["max_plane_distance"] = json!(report.max_plane_distance);
+            let caps = report.caps;
+            value["caps"] = json!({ "loops": caps.loops, "faces": caps.faces, "unclosed_edges": caps.unclosed_edges });
+        }
         "tear" => {
             value["area_removed"] = json!(report.area_removed);
+            value["wall_faces"] = json!(report.wall_faces);
+            value["unclosed_edges"] = json!(report.unclosed_edges);
+            value["wall_deviation"] = json!(report.wall_deviation);
+            value["smallest_angle"] = json!(report.smallest_angle);
             value["segments"] = Value::Array(report.segments.iter().map(segment).collect());
         }
         _ => {}
     }
     value
+}
+
+/// The edits of a run, each with its frame.
+#[cfg(feature = "gpu")]
+pub fn edits<'a>(reports: impl Iterator<Item = &'a crate::app::FrameReport>) -> Value {
+    let edits = reports.enumerate().flat_map(|(frame, report)| report.edits.iter().map(move |e| (frame, e)));
+    let all = edits.map(|(frame, report)| {
+        let mut value = edit(report);
+        value["frame"] = json!(frame);
+        value["export_deviation"] = json!(null); // nothing is exported
+        value
+    });
+    all.collect()
 }

@@ -2,25 +2,35 @@
 
 use super::CliError;
 use super::common::{
-    Format, ParticleArgs, PoseArgs, check_width, diagonal, load, posed_scene, print_json, print_line, write_file,
+    Format, NO_WALLS, ParticleArgs, PoseArgs, check_width, diagonal, export_pieces, load, piece_names, posed_scene, print_json,
+    print_line, scene_glb, write_file,
 };
 use super::report_json;
 use crate::config::Config;
-use crate::formats::{ExportPiece, export_glb, export_obj};
+use crate::formats::export_obj;
 use crate::particles::map_json;
 use crate::scene::{EditCommand, Scene};
-use crate::surgery::{BladePath, PathError, write_boxes};
+use crate::surgery::{BladePath, PathError, WallMode, write_boxes, write_slits};
 use clap::Args;
 use std::path::PathBuf;
 
-/// How the slit's sides end.
+/// What lines the slit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 enum Wall {
     /// The surface is clipped and stays open.
     #[default]
     Open,
-    /// Walls and a floor line the slit. Not built yet.
+    /// Walls and a floor: a closed model stays closed.
     Closed,
+}
+
+impl From<Wall> for WallMode {
+    fn from(wall: Wall) -> Self {
+        match wall {
+            Wall::Open => WallMode::Open,
+            Wall::Closed => WallMode::Closed,
+        }
+    }
 }
 
 /// Arguments.
@@ -31,7 +41,7 @@ pub struct Tear {
     /// JSON file with the blade's poses.
     #[arg(long, value_name = "PATH.json")]
     path: PathBuf,
-    /// Width of the slit, metres, above 0.
+    /// Width of the slit, metres; 0 opens the surface along the blade's path and takes nothing out (open walls only).
     #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     width: f64,
     /// Wall mode.
@@ -50,7 +60,8 @@ pub struct Tear {
     /// Its format (default: what its ending says, else glb).
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Write the tear's boxes, as OBJ.
+    /// Write the tear's boxes, as OBJ: one closed object each, chain<k>_box<i>. With --width 0: its strips, two triangles
+    /// each, chain<k>_slit<i>.
     #[arg(long, value_name = "FILE.obj")]
     boxes: Option<PathBuf>,
     /// Write the particle map after the tear, as JSON.
@@ -65,8 +76,8 @@ impl Tear {
     pub fn run(self, config: &Config) -> Result<(), CliError> {
         // before anything is read; against the model's size once that is known
         self.check_width(f64::INFINITY)?;
-        if self.wall == Wall::Closed {
-            return Err(CliError::Input("--wall closed: walls and floors are not built yet; use --wall open".into()));
+        if self.wall == Wall::Closed && self.width == 0.0 {
+            return Err(CliError::Input(format!("--wall closed with --width 0: {NO_WALLS}")));
         }
         if self.no_particles && self.map_out.is_some() {
             return Err(CliError::Input("--map-out needs particles; leave --no-particles out".into()));
@@ -79,6 +90,7 @@ impl Tear {
         self.check_width(diagonal(&model))?;
         let particles = if self.no_particles { None } else { Some(self.particles.settings(&model, config)?) };
         let mut scene = posed_scene(model, &self.pose, particles, config)?;
+        scene.set_wall(self.wall.into());
         scene.edit(EditCommand::StrokeBegin { width: self.width });
         for pose in path.poses() {
             scene.edit(EditCommand::StrokePose(*pose));
@@ -87,10 +99,17 @@ impl Tear {
         let deviation = self.write(&scene)?;
         if let Some(file) = &self.boxes {
             let mut bytes = Vec::new();
-            write_boxes(&mut bytes, scene.last_tear_boxes(), glam::DVec3::ZERO).map_err(CliError::run)?;
+            if self.width > 0.0 {
+                write_boxes(&mut bytes, scene.last_tear_boxes(), glam::DVec3::ZERO).map_err(CliError::run)?;
+            } else {
+                write_slits(&mut bytes, scene.last_tear_slits(), glam::DVec3::ZERO).map_err(CliError::run)?;
+            }
             write_file(file, &bytes)?;
         }
         self.write_map(&scene)?;
+        if report.unclosed_edges > 0 {
+            tracing::warn!("the model is open where the blade went: {} edges of the slit got no wall", report.unclosed_edges);
+        }
         if self.json {
             let mut value = report_json::edit(&report);
             value["export_deviation"] = serde_json::json!(deviation);
@@ -114,22 +133,17 @@ impl Tear {
     }
 
     fn write(&self, scene: &Scene) -> Result<f64, CliError> {
-        let names: Vec<String> =
-            scene.tissues().map(|(id, t)| if id.0 == 0 { t.name.clone() } else { format!("{}-{}", t.name, id.0) }).collect();
-        let parts: Vec<ExportPiece> = scene
-            .tissues()
-            .zip(&names)
-            .map(|((_, t), name)| ExportPiece { name, mesh: t.mesh(), rows: t.rows(), materials: t.materials() })
-            .collect();
         let Some((_, first)) = scene.tissues().next() else { return Ok(0.0) };
         match Format::of(self.format, &self.out) {
             Format::Glb => {
-                let (bytes, exported) = export_glb(first.rig(), &parts, first.pose()).map_err(CliError::run)?;
+                let (bytes, deviation) = scene_glb(scene)?;
                 write_file(&self.out, &bytes)?;
-                Ok(exported.deviation)
+                Ok(deviation)
             }
             Format::Obj => {
-                write_file(&self.out, export_obj(&parts, first.offset(), first.pose()).as_bytes())?;
+                let names = piece_names(scene);
+                let bytes = export_obj(&export_pieces(scene, &names), first.offset(), first.pose());
+                write_file(&self.out, bytes.as_bytes())?;
                 Ok(0.0)
             }
         }

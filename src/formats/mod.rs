@@ -111,6 +111,11 @@ pub fn load(spec: &str) -> Result<Model, FormatError> {
     load_file(path)
 }
 
+/// A procedural model (see [`generate`]) with about `faces` faces, read back like a file.
+pub fn load_generated(name: &str, faces: usize) -> Result<Model, FormatError> {
+    load_bytes(&generate(name, Some(faces))?, Format::Gltf, name, None)
+}
+
 fn load_file(path: &Path) -> Result<Model, FormatError> {
     let format = format_of(path).ok_or_else(|| FormatError::UnknownExtension { path: path.into() })?;
     let bytes = std::fs::read(path).map_err(|source| FormatError::Io { path: path.into(), source })?;

@@ -2,7 +2,9 @@
 
 pub mod components;
 pub mod csr;
+mod ears;
 pub mod extract;
+mod flips;
 pub mod fx;
 pub mod hash;
 pub mod ids;
@@ -12,6 +14,7 @@ pub mod predicates;
 pub mod sections;
 pub mod topology;
 pub mod tracked;
+pub mod triangulate;
 pub mod validate;
 
 pub use components::Components;
@@ -25,3 +28,4 @@ pub use mesh::{FaceInfo, Mesh, MeshDelta, Wedge};
 pub use predicates::Plane;
 pub use topology::{NewFace, SplitVertex, TopologyScratch};
 pub use tracked::{Delta, Tracked};
+pub use triangulate::{TriangulationOutcome, Triangulator};

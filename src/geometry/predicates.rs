@@ -33,6 +33,24 @@ impl Plane {
         }
     }
 
+    /// The value without rounding.
+    fn exact(&self, p: DVec3) -> Dyadic {
+        let less = |p: DVec3, a: DVec3| [0, 1, 2].map(|k| Dyadic::from(p[k]) + Dyadic::from(-a[k]));
+        match self {
+            Plane::Points([a, b, c]) => {
+                let (u, v, w) = (less(*b, *a), less(*c, *a), less(p, *a));
+                (0..3).fold(Dyadic::from(0.0), |sum, k| {
+                    let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                    let minor = u[i].clone() * v[j].clone() + Dyadic::from(-1.0) * u[j].clone() * v[i].clone();
+                    sum + minor * w[k].clone()
+                })
+            }
+            Plane::Equation { normal, offset } => {
+                (0..3).fold(Dyadic::from(-offset), |sum, k| sum + Dyadic::from(normal[k]) * Dyadic::from(p[k]))
+            }
+        }
+    }
+
     /// The same plane seen from the other side; values change sign and nothing else.
     pub fn flipped(&self) -> Self {
         match *self {
@@ -94,6 +112,20 @@ pub fn sign_det2(a: f64, b: f64, c: f64, d: f64) -> i32 {
         return (Dyadic::from(a) * Dyadic::from(d) + Dyadic::from(-b) * Dyadic::from(c)).sign();
     }
     i32::from(rest_p > rest_q) - i32::from(rest_p < rest_q)
+}
+
+/// Exact sign of `a(p) b(q) - a(q) b(p)`: on which side of `b` the line through `p` and `q` crosses `a`, up to orientation.
+/// `values` are `[a(p), a(q)]` and `[b(p), b(q)]` as [`Plane::value`] gives them; one that is 0 counts as 0. Where their sizes,
+/// which are rounded, leave any doubt, the planes are evaluated again without rounding: three planes that share a line
+/// then give the same answer on every edge.
+pub fn sign_cross(a: &Plane, b: &Plane, [p, q]: [DVec3; 2], values: [[f64; 2]; 2]) -> i32 {
+    let [[ap, aq], [bp, bq]] = values;
+    let det = ap * bq - aq * bp;
+    if det.abs() > 1e-10 * (ap.abs() + aq.abs()) * (bp.abs() + bq.abs()) {
+        return if det > 0.0 { 1 } else { -1 };
+    }
+    let exact = |plane: &Plane, p: DVec3, value: f64| if value == 0.0 { Dyadic::from(0.0) } else { plane.exact(p) };
+    (exact(a, p, ap) * exact(b, q, bq) + Dyadic::from(-1.0) * exact(a, q, aq) * exact(b, p, bp)).sign()
 }
 
 /// Exact sign of the determinant with rows `a`, `b`, `c`.
@@ -189,6 +221,27 @@ mod tests {
         let tilted = Plane::Points([DVec3::ZERO, DVec3::X, DVec3::Y]);
         assert!(tilted.value(DVec3::Z) > 0.0 && tilted.flipped().value(DVec3::Z) < 0.0);
         assert_eq!(tilted.value(DVec3::new(0.3, 0.7, 0.0)), 0.0);
+    }
+
+    #[test]
+    fn planes_through_one_line_agree_without_rounding() {
+        let third = 1.0 / 3.0;
+        let (o, along) = (DVec3::new(0.1, third, 0.7), DVec3::new(0.25, 0.5, -0.125));
+        let through = |x: DVec3| Plane::Points([o, o + along, x]);
+        let ends = [o + along * 0.5 - DVec3::Y, o + along * 0.5 + DVec3::Y];
+        let sign = |a: &Plane, b: &Plane| sign_cross(a, b, ends, [ends.map(|p| a.value(p)), ends.map(|p| b.value(p))]);
+        let planes = [through(DVec3::X), through(DVec3::new(9.0, 0.1, 0.0)), through(DVec3::new(0.0, 0.3, 7.0))];
+        // whatever the line's own rounding makes of it, a crossing is beside it on one side for all
+        let value = |a: &Plane, p: DVec3| a.exact(p).sign();
+        for a in &planes {
+            for p in ends {
+                assert_eq!(value(a, p), i32::from(a.value(p) > 0.0) - i32::from(a.value(p) < 0.0));
+            }
+            for b in &planes {
+                assert_eq!(sign(a, b), -sign(b, a));
+            }
+            assert_eq!(sign(a, a), 0);
+        }
     }
 
     #[test]

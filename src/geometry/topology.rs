@@ -100,6 +100,37 @@ impl Mesh {
         }
     }
 
+    /// Puts in `added`, joined among themselves and to the open half-edges `rim` of faces that are there. Where more than two
+    /// half-edges share their ends, they are joined in opposite pairs, so that a rim that is lined all along is closed.
+    /// Vertices may be left with several fans: call [`Mesh::split_fans`]. The ids are left in `scratch.added`.
+    pub fn line_rim(&mut self, rim: impl Iterator<Item = HalfEdge>, added: &[NewFace], scratch: &mut TopologyScratch) {
+        scratch.edges.clear();
+        scratch.edges.extend(rim.map(|h| (self.edge_key(h), 0, h)));
+        scratch.added.clear();
+        for face in added {
+            let id = self.put_face(face);
+            scratch.added.push(id);
+            scratch.edges.extend((0..3).map(|k| HalfEdge::of(id, k)).map(|h| (self.edge_key(h), face.side, h)));
+        }
+        scratch.edges.sort_unstable();
+        for run in scratch.edges.chunk_by(|a, b| a.0 == b.0) {
+            let up = |h: &HalfEdge| self.from(*h) < self.to(*h);
+            let rising: Vec<HalfEdge> = run.iter().map(|e| e.2).filter(up).collect();
+            let falling: Vec<HalfEdge> = run.iter().map(|e| e.2).filter(|h| !up(h)).collect();
+            for (&a, &b) in rising.iter().zip(&falling) {
+                self.set_opposite(a, b);
+                self.set_opposite(b, a);
+            }
+        }
+    }
+
+    /// Joins two open half-edges that run between the same vertices in opposite directions.
+    pub fn close_edge(&mut self, a: HalfEdge, b: HalfEdge) {
+        debug_assert!(self.from(a) == self.to(b) && self.to(a) == self.from(b));
+        self.set_opposite(a, b);
+        self.set_opposite(b, a);
+    }
+
     /// Opens an edge: the two faces no longer touch along it.
     pub fn open_edge(&mut self, h: HalfEdge) {
         let back = self.opposite(h);

@@ -6,6 +6,7 @@
 //! Memory: [`bytes_per_model`]. Headroom adds a quarter.
 
 use super::allocator::RangeAllocator;
+use super::belt::Belt;
 use super::context::Context;
 use super::error::GpuError;
 use super::types::{FaceRecord, Term, VertexRecord};
@@ -78,8 +79,7 @@ pub struct Arenas {
     arenas: [Arena; 6],
     /// Counts up whenever a buffer was replaced, so that bind groups know.
     generation: u64,
-    bytes_uploaded: u64,
-    scratch: Vec<u8>,
+    belt: Belt,
 }
 
 const USAGE: wgpu::BufferUsages =
@@ -97,7 +97,7 @@ impl Arenas {
             let buffer = make_buffer(context.device(), name, u64::from(SMALLEST) * stride as u64);
             Arena { name, stride: stride as u64, buffer, allocator }
         });
-        Self { arenas, generation: 0, bytes_uploaded: 0, scratch: Vec::new() }
+        Self { arenas, generation: 0, belt: Belt::new(context) }
     }
 
     /// The buffer of a kind.
@@ -112,12 +112,12 @@ impl Arenas {
 
     /// Bytes uploaded so far.
     pub fn bytes_uploaded(&self) -> u64 {
-        self.bytes_uploaded
+        self.belt.bytes_uploaded()
     }
 
-    /// Notes an upload to a buffer that is not ours.
-    pub fn count_upload(&mut self, bytes: usize) {
-        self.bytes_uploaded += bytes as u64;
+    /// What all uploads go through.
+    pub fn belt(&mut self) -> &mut Belt {
+        &mut self.belt
     }
 
     /// Makes `slot` hold `len` elements. With `keep`, content that has to move is copied on the GPU; without it the content
@@ -139,7 +139,7 @@ impl Arenas {
         let range = self.take(context, kind, room)?;
         let arena = &mut self.arenas[kind as usize];
         if keep && slot.len > 0 {
-            move_content(context, arena, slot.start, range.start, slot.len);
+            move_content(context, &mut self.belt, arena, slot.start, range.start, slot.len);
         }
         arena.allocator.give(slot.reserved());
         *slot = Slot { start: range.start, len: len as u32, room: range.end - range.start };
@@ -155,25 +155,15 @@ impl Arenas {
     /// Uploads the entries `range` of the slot, as `element` gives them.
     pub fn upload<T: bytemuck::Pod>(
         &mut self,
-        queue: &wgpu::Queue,
         kind: ArenaKind,
         slot: Slot,
         range: Range<usize>,
-        mut element: impl FnMut(usize) -> T,
+        element: impl FnMut(usize) -> T,
     ) {
         debug_assert!(range.end <= slot.len as usize && size_of::<T>() as u64 == self.arenas[kind as usize].stride);
-        if range.is_empty() {
-            return;
-        }
-        let mut scratch = std::mem::take(&mut self.scratch);
-        scratch.clear();
-        for index in range.clone() {
-            scratch.extend_from_slice(bytemuck::bytes_of(&element(index)));
-        }
         let arena = &self.arenas[kind as usize];
-        queue.write_buffer(&arena.buffer, (u64::from(slot.start) + range.start as u64) * arena.stride, &scratch);
-        self.bytes_uploaded += scratch.len() as u64;
-        self.scratch = scratch;
+        let offset = (u64::from(slot.start) + range.start as u64) * arena.stride;
+        self.belt.write_each(&arena.buffer, offset, range.map(element));
     }
 
     fn take(&mut self, context: &Context, kind: ArenaKind, room: u64) -> Result<Range<u32>, GpuError> {
@@ -192,10 +182,7 @@ impl Arenas {
         }
         let grown = needed.max(capacity + capacity / 2).min(limit);
         let buffer = make_buffer(context.device(), arena.name, grown * arena.stride);
-        let mut encoder =
-            context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("arena growth") });
-        encoder.copy_buffer_to_buffer(&arena.buffer, 0, &buffer, 0, capacity * arena.stride);
-        context.queue().submit([encoder.finish()]);
+        self.belt.copy((&arena.buffer, 0), (&buffer, 0), capacity * arena.stride);
         arena.buffer = buffer;
         arena.allocator.grow(grown as u32);
         self.generation += 1;
@@ -208,11 +195,9 @@ fn make_buffer(device: &wgpu::Device, label: &str, size: u64) -> wgpu::Buffer {
 }
 
 /// Copies elements within a buffer, through a scratch buffer, since a copy may not have one buffer at both ends.
-fn move_content(context: &Context, arena: &Arena, from: u32, to: u32, len: u32) {
+fn move_content(context: &Context, belt: &mut Belt, arena: &Arena, from: u32, to: u32, len: u32) {
     let bytes = u64::from(len) * arena.stride;
     let scratch = make_buffer(context.device(), "arena move", bytes);
-    let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("arena move") });
-    encoder.copy_buffer_to_buffer(&arena.buffer, u64::from(from) * arena.stride, &scratch, 0, bytes);
-    encoder.copy_buffer_to_buffer(&scratch, 0, &arena.buffer, u64::from(to) * arena.stride, bytes);
-    context.queue().submit([encoder.finish()]);
+    belt.copy((&arena.buffer, u64::from(from) * arena.stride), (&scratch, 0), bytes);
+    belt.copy((&scratch, 0), (&arena.buffer, u64::from(to) * arena.stride), bytes);
 }

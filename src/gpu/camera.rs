@@ -1,11 +1,9 @@
-//! The camera and the light of a picture, and the view record they make.
+//! The camera and the light of a picture, and the record they make.
 
 use super::error::GpuError;
-use super::types::View;
-use glam::dcamera::rh::{
-    proj::directx::{orthographic, perspective_infinite_reverse},
-    view::look_at_mat4,
-};
+use super::types::Frame;
+use super::views::ViewPose;
+use glam::dcamera::rh::{proj::directx::orthographic, view::look_at_mat4};
 use glam::{DMat4, DVec3};
 
 /// Where a picture is taken from. World space, metres.
@@ -39,7 +37,7 @@ impl Camera {
         Self { eye: target + back * (1.06 * distance), target, up, fov_y }
     }
 
-    fn check(&self) -> Result<(), GpuError> {
+    pub(super) fn check(&self) -> Result<(), GpuError> {
         let finite = [self.eye, self.target, self.up].iter().all(|v| v.is_finite());
         if !finite || !self.fov_y.is_finite() {
             return Err(GpuError::BadCamera("a number is not finite"));
@@ -63,11 +61,13 @@ pub struct Scenery {
     pub tray: bool,
     /// The lamp's shadow.
     pub shadow: bool,
+    /// What the tray lies under, world space; left out, everything that is drawn, at rest.
+    pub ground: Option<Bounds>,
 }
 
 impl Default for Scenery {
     fn default() -> Self {
-        Self { up: DVec3::Y, tray: true, shadow: true }
+        Self { up: DVec3::Y, tray: true, shadow: true, ground: None }
     }
 }
 
@@ -113,42 +113,42 @@ pub const SHADOW_SIZE: u32 = 1024;
 const KEY_RADIANCE: f32 = 1.7;
 const HEADLAMP_RADIANCE: f32 = 0.4;
 
-/// The record of one view. `rest` bounds the scene at rest (the tray lies under it and does not bob as the model moves),
-/// `posed` as it is now (the lamp's shadow map covers it).
-pub fn view_record(camera: &Camera, size: (u32, u32), scenery: &Scenery, rest: Bounds, posed: Bounds) -> Result<View, GpuError> {
-    camera.check()?;
+/// The record of one call's views, each `size` pixels large. `rest` bounds the scene at rest (the tray lies under it and does
+/// not bob as the model moves), `posed` as it is now (the lamp's shadow map covers it). Errors: the scene's up is zero.
+pub fn frame_record(
+    views: &[ViewPose],
+    size: (u32, u32),
+    scenery: &Scenery,
+    rest: Bounds,
+    posed: Bounds,
+) -> Result<Frame, GpuError> {
     let up = scenery.up.try_normalize().ok_or(GpuError::BadCamera("the scene's up is zero"))?;
-    let distance = camera.eye.distance(camera.target);
-    let aspect = f64::from(size.0) / f64::from(size.1);
-    let view_from_world = look_at_mat4(camera.eye, camera.target, camera.up);
-    // The near plane scales with the scene, so that millimetres and kilometres work alike.
-    let projection = perspective_infinite_reverse(camera.fov_y, aspect, 1e-3 * distance);
-    let axis = |row: usize| view_from_world.row(row).truncate();
     let side = up.any_orthonormal_vector();
     let front = if up == DVec3::Y { DVec3::Z } else { up.cross(side) };
     let lamp = (0.80 * up + 0.50 * up.cross(front) + 0.36 * front).normalize();
-    let tan = (0.5 * camera.fov_y).tan();
-    let posed = if posed.is_empty() { Bounds { min: camera.target - 1e-3, max: camera.target + 1e-3 } } else { posed };
+    let somewhere = views.first().map_or(DVec3::ZERO, |v| v.position + v.forward());
+    let posed = if posed.is_empty() { Bounds { min: somewhere - 1e-3, max: somewhere + 1e-3 } } else { posed };
     let rest = if rest.is_empty() { posed } else { rest };
     let (light_from_world, world_per_texel) = light_frame(lamp, up, posed);
     let radius = 0.5 * (rest.max - rest.min).length();
     let centre = 0.5 * (rest.min + rest.max);
     let lowest = rest.corners().iter().map(|c| c.dot(up)).fold(f64::INFINITY, f64::min) - 0.015 * radius;
     let tray_centre = centre + up * (lowest - centre.dot(up));
-    Ok(View {
-        clip_from_world: (projection * view_from_world).as_mat4().to_cols_array_2d(),
+    // One headlamp between the eyes: a highlight that differed from eye to eye would not fuse.
+    let headlamp = -views.iter().map(ViewPose::forward).sum::<DVec3>().normalize_or(DVec3::NEG_Z);
+    let mut record = Frame {
         light_from_world: light_from_world.as_mat4().to_cols_array_2d(),
-        eye: with_w(camera.eye, 0.0),
-        right: with_w(axis(0), (tan * aspect) as f32),
-        up: with_w(axis(1), tan as f32),
-        forward: with_w(-axis(2), 0.0),
         scene_up: with_w(up, lowest as f32),
         key_light: with_w(lamp, KEY_RADIANCE),
-        fill_light: with_w(axis(2), HEADLAMP_RADIANCE),
+        fill_light: with_w(headlamp, HEADLAMP_RADIANCE),
         tray_centre: with_w(tray_centre, if scenery.tray { radius as f32 } else { 0.0 }),
-        size: [size.0 as f32, size.1 as f32, 1.0 / size.0 as f32, 1.0 / size.1 as f32],
         shadow: [1.0 / SHADOW_SIZE as f32, 1e-3, world_per_texel as f32, f32::from(u8::from(scenery.shadow))],
-    })
+        ..Frame::default()
+    };
+    for (slot, view) in record.views.iter_mut().zip(views) {
+        *slot = view.record(size);
+    }
+    Ok(record)
 }
 
 /// Orthographic, around the sphere of `bounds`; depth 1 nearest the lamp. Second: metres a texel.
@@ -174,15 +174,19 @@ mod tests {
         Camera { eye: DVec3::new(0.0, 0.0, 3.0), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.9 }
     }
 
-    fn record(camera: &Camera) -> Result<View, GpuError> {
+    fn record(camera: &Camera) -> Result<Frame, GpuError> {
         let bounds = Bounds { min: DVec3::splat(-1.0), max: DVec3::splat(1.0) };
-        view_record(camera, (4, 3), &Scenery::default(), bounds, bounds)
+        record_in(camera, 4.0 / 3.0, bounds)
+    }
+
+    fn record_in(camera: &Camera, aspect: f64, bounds: Bounds) -> Result<Frame, GpuError> {
+        frame_record(&[ViewPose::from_camera(camera, aspect)?], (400, 300), &Scenery::default(), bounds, bounds)
     }
 
     #[test]
     fn reverse_depth_falls_from_one_at_the_near_plane_to_zero_far_out() -> Result<(), GpuError> {
-        let view = record(&camera())?;
-        let clip = DMat4::from_cols_array_2d(&view.clip_from_world.map(|c| c.map(f64::from)));
+        let frame = record(&camera())?;
+        let clip = DMat4::from_cols_array_2d(&frame.views[0].clip_from_world.map(|c| c.map(f64::from)));
         let depth = |z: f64| {
             let p = clip * DVec3::new(0.0, 0.0, z).extend(1.0);
             p.z / p.w
@@ -196,8 +200,8 @@ mod tests {
     fn the_whole_box_lies_in_the_picture_and_in_the_shadow_map() -> Result<(), GpuError> {
         let bounds = Bounds { min: DVec3::new(-1.0, -2.0, -3.0), max: DVec3::new(1.0, 2.0, 3.0) };
         let camera = Camera::framing(bounds, DVec3::new(1.0, 1.0, 1.0), DVec3::Y, 0.7, 1.0);
-        let view = view_record(&camera, (300, 300), &Scenery::default(), bounds, bounds)?;
-        for matrix in [view.clip_from_world, view.light_from_world] {
+        let frame = record_in(&camera, 1.0, bounds)?;
+        for matrix in [frame.views[0].clip_from_world, frame.light_from_world] {
             let clip = DMat4::from_cols_array_2d(&matrix.map(|c| c.map(f64::from)));
             for corner in bounds.corners() {
                 let p = clip * corner.extend(1.0);

@@ -21,6 +21,8 @@ pub enum AdapterChoice {
 pub struct ContextOptions {
     /// Which adapter to look for.
     pub adapter: AdapterChoice,
+    /// Leaves out everything that the shaders can do without (multiview, timestamps), as on an adapter that lacks it.
+    pub plain: bool,
 }
 
 /// What kind of machine draws.
@@ -47,7 +49,6 @@ pub struct Context {
     queue: Mutex<wgpu::Queue>,
     name: String,
     kind: AdapterKind,
-    samples: u32,
     /// What the driver reported first, out of turn.
     failure: Arc<OnceLock<String>>,
 }
@@ -65,16 +66,29 @@ impl Context {
         let instance = wgpu::Instance::new(descriptor);
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         let adapter = best_adapter(adapters, options.adapter)?;
-        let (device, queue) = open_device(&adapter)?;
+        let mut descriptor = device_descriptor(&adapter)?;
+        if options.plain {
+            descriptor.required_features = wgpu::Features::empty();
+            descriptor.required_limits.max_multiview_view_count = 0;
+        }
+        let (device, queue) = request(&adapter, &descriptor)?;
         Ok(Self::from_parts(instance, adapter, device, queue))
     }
 
     /// Takes parts that others made. The device needs the limits of [`required_limits`].
     pub fn from_parts(instance: wgpu::Instance, adapter: wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = adapter.get_info();
-        let samples = sample_count(&adapter);
         let failure = watch(&device);
-        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue: Mutex::new(queue), samples, failure }
+        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue: Mutex::new(queue), failure }
+    }
+
+    /// Another device on the same adapter, after this one was lost. Errors: the adapter is gone too.
+    pub fn reopen(&self) -> Result<Self, GpuError> {
+        let mut descriptor = device_descriptor(&self.adapter)?;
+        descriptor.required_features &= self.device.features();
+        descriptor.required_limits.max_multiview_view_count = self.device.limits().max_multiview_view_count;
+        let (device, queue) = request(&self.adapter, &descriptor)?;
+        Ok(Self::from_parts(self.instance.clone(), self.adapter.clone(), device, queue))
     }
 
     /// The instance.
@@ -107,9 +121,42 @@ impl Context {
         self.kind
     }
 
-    /// Samples a pixel: 4 where colour and depth formats take it, else 1.
+    /// Samples a pixel of our own pictures: 4 where the adapter has them, else 1.
     pub fn samples(&self) -> u32 {
-        self.samples
+        self.samples_of(COLOUR_FORMAT)
+    }
+
+    /// Samples a pixel of pictures of a colour format: 4 where colour and depth formats take it, else 1.
+    pub fn samples_of(&self, format: wgpu::TextureFormat) -> u32 {
+        let four = |format: wgpu::TextureFormat| {
+            let promised = format.guaranteed_format_features(self.device.features()).flags;
+            let has = self.adapter.get_texture_format_features(format).flags;
+            promised.sample_count_supported(4) && has.sample_count_supported(4)
+        };
+        let resolves = |format: wgpu::TextureFormat| {
+            let promised = format.guaranteed_format_features(self.device.features()).flags;
+            promised.contains(wgpu::TextureFormatFeatureFlags::MULTISAMPLE_RESOLVE)
+        };
+        if four(format) && four(DEPTH_FORMAT) && resolves(format) { 4 } else { 1 }
+    }
+
+    /// True if one pass can draw this many views, each into its layer.
+    pub fn draws_views_at_once(&self, views: u32, samples: u32) -> bool {
+        let features = self.device.features();
+        views <= self.device.limits().max_multiview_view_count
+            && features.contains(wgpu::Features::MULTIVIEW)
+            && (samples == 1 || features.contains(wgpu::Features::MULTISAMPLE_ARRAY))
+    }
+
+    /// True if it should, where it can. Mesa 22's software driver draws what is clipped into the first layer, whichever view it
+    /// belongs to, and a pass each costs the CPU no more.
+    pub fn prefers_views_at_once(&self) -> bool {
+        self.kind != AdapterKind::Software
+    }
+
+    /// True if a pass may resolve its samples into any layer of a texture. Mesa 22's software driver always takes the first.
+    pub fn resolves_into_layers(&self) -> bool {
+        self.kind != AdapterKind::Software
     }
 
     /// Waits until everything submitted so far has run.
@@ -129,9 +176,14 @@ pub fn required_limits() -> wgpu::Limits {
     wgpu::Limits::defaults()
 }
 
-/// Opens a device with [`required_limits`], and buffers and textures as large as the adapter has them.
-pub fn open_device(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), GpuError> {
-    let name = adapter.get_info().name;
+/// What is used where an adapter has it: stereo in one pass, and times on the GPU.
+pub fn wanted_features() -> wgpu::Features {
+    wgpu::Features::MULTIVIEW | wgpu::Features::MULTISAMPLE_ARRAY | wgpu::Features::TIMESTAMP_QUERY
+}
+
+/// The device that we want of an adapter: [`required_limits`], buffers and textures as large as it has them, and what it has of
+/// [`wanted_features`]. For those who make the device themselves, too. Errors: limits too low.
+pub fn device_descriptor(adapter: &wgpu::Adapter) -> Result<wgpu::DeviceDescriptor<'static>, GpuError> {
     let has = adapter.limits();
     let mut limits = required_limits().using_resolution(has.clone());
     let mut missing = None;
@@ -139,12 +191,27 @@ pub fn open_device(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue
         missing.get_or_insert((limit, needed, allowed));
     });
     if let Some((limit, needed, allowed)) = missing {
-        return Err(GpuError::MissingLimit { adapter: name, name: limit, needed, allowed });
+        return Err(GpuError::MissingLimit { adapter: adapter.get_info().name, name: limit, needed, allowed });
     }
     limits.max_buffer_size = has.max_buffer_size;
     limits.max_storage_buffer_binding_size = has.max_storage_buffer_binding_size;
-    let descriptor = wgpu::DeviceDescriptor { label: Some("incise"), required_limits: limits, ..Default::default() };
-    pollster::block_on(adapter.request_device(&descriptor)).map_err(|source| GpuError::Device { adapter: name, source })
+    limits.max_multiview_view_count = has.max_multiview_view_count;
+    Ok(wgpu::DeviceDescriptor {
+        label: Some("incise"),
+        required_features: adapter.features() & wanted_features(),
+        required_limits: limits,
+        ..Default::default()
+    })
+}
+
+/// Opens a device as [`device_descriptor`] has it.
+pub fn open_device(adapter: &wgpu::Adapter) -> Result<(wgpu::Device, wgpu::Queue), GpuError> {
+    request(adapter, &device_descriptor(adapter)?)
+}
+
+fn request(adapter: &wgpu::Adapter, descriptor: &wgpu::DeviceDescriptor<'_>) -> Result<(wgpu::Device, wgpu::Queue), GpuError> {
+    pollster::block_on(adapter.request_device(descriptor))
+        .map_err(|source| GpuError::Device { adapter: adapter.get_info().name, source })
 }
 
 /// Notes the first error that comes outside a call's own result; by itself wgpu would end the program.
@@ -154,9 +221,8 @@ fn watch(device: &wgpu::Device) -> Arc<OnceLock<String>> {
     device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| drop(note.set(error.to_string()))));
     let note = Arc::clone(&failure);
     device.set_device_lost_callback(move |reason, text| {
-        if reason != wgpu::DeviceLostReason::Destroyed {
-            drop(note.set(text));
-        }
+        let text = if reason == wgpu::DeviceLostReason::Destroyed { "it was given up".into() } else { text };
+        drop(note.set(text));
     });
     failure
 }
@@ -191,11 +257,6 @@ fn kind_of(info: &wgpu::AdapterInfo) -> AdapterKind {
         wgpu::DeviceType::Cpu => AdapterKind::Software,
         wgpu::DeviceType::Other => AdapterKind::Other,
     }
-}
-
-fn sample_count(adapter: &wgpu::Adapter) -> u32 {
-    let four = |format| adapter.get_texture_format_features(format).flags.sample_count_supported(4);
-    if four(COLOUR_FORMAT) && four(DEPTH_FORMAT) { 4 } else { 1 }
 }
 
 #[cfg(test)]

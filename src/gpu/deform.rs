@@ -1,6 +1,7 @@
 //! The deform pass: skins and displaces all tissues in one dispatch, then all normals in another (MATHS 2).
 
 use super::arenas::{ArenaKind, Arenas};
+use super::belt::Belt;
 use super::context::Context;
 use super::types::{self, WorkItem};
 
@@ -51,6 +52,11 @@ impl DeformPass {
         self.stages.iter_mut().for_each(|s| s.work.items.clear());
     }
 
+    /// True if there is no work.
+    pub fn is_idle(&self) -> bool {
+        self.stages[0].work.items.is_empty()
+    }
+
     /// Adds a tissue.
     pub fn add(&mut self, tissue: u32, vertices: u32, wedges: u32) {
         for (stage, count) in self.stages.iter_mut().zip([vertices, wedges]) {
@@ -58,24 +64,26 @@ impl DeformPass {
         }
     }
 
-    /// Runs the work that was added. `tables` is the tissue table and a number that changes when it is replaced. Returns
-    /// dispatches and bytes uploaded.
+    /// Encodes all uploads noted so far and the work that was added. `table` is the tissue table and a number that changes when
+    /// it is replaced. Returns dispatches.
     pub fn encode(
         &mut self,
         context: &Context,
         encoder: &mut wgpu::CommandEncoder,
-        arenas: &Arenas,
+        arenas: &mut Arenas,
         table: (&wgpu::Buffer, u64),
         variant: Variant,
-    ) -> (u64, u64) {
-        let (mut dispatches, mut bytes) = (0, 0);
+        timestamps: Option<wgpu::ComputePassTimestampWrites<'_>>,
+    ) -> u64 {
+        let mut dispatches = 0;
         if self.stages[0].work.items.is_empty() {
-            return (0, 0);
+            return 0;
         }
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("deform"), timestamp_writes: None });
-        for stage in &mut self.stages {
-            let (groups, uploaded) = stage.work.upload(context);
-            bytes += uploaded;
+        let groups = self.stages.each_mut().map(|stage| stage.work.upload(context, arenas.belt()));
+        arenas.belt().flush(context, encoder);
+        let mut pass =
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: Some("deform"), timestamp_writes: timestamps });
+        for (stage, groups) in self.stages.iter_mut().zip(groups) {
             stage.bind(context, arenas, table);
             let Some((_, bind_group)) = &stage.bind_group else { continue };
             if groups.0 > 0 {
@@ -85,7 +93,7 @@ impl DeformPass {
                 dispatches += 1;
             }
         }
-        (dispatches, bytes)
+        dispatches
     }
 }
 
@@ -101,7 +109,7 @@ impl Stage {
         });
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some(name),
-            source: wgpu::ShaderSource::Wgsl(types::shader(name).into()),
+            source: wgpu::ShaderSource::Wgsl(types::shader_for(name, true)),
         });
         let pipelines = std::array::from_fn(|variant| {
             let constants = [("skinned", (variant & 1) as f64), ("displaced", (variant >> 1) as f64)];
@@ -173,8 +181,8 @@ impl WorkList {
         })
     }
 
-    /// Workgroups along x and y, and bytes uploaded.
-    fn upload(&mut self, context: &Context) -> ((u32, u32), u64) {
+    /// Workgroups along x and y.
+    fn upload(&mut self, context: &Context, belt: &mut Belt) -> (u32, u32) {
         let groups = dispatch_shape(self.items.len() as u32);
         self.items.resize(groups.0 as usize * groups.1 as usize, WorkItem { tissue: u32::MAX, first: 0 });
         let same = self.items.iter().zip(&self.uploaded).take_while(|(a, b)| a == b).count();
@@ -186,13 +194,12 @@ impl WorkList {
         }
         // What is on the GPU past the list's end stays valid, so going back to a longer list costs nothing either.
         if first == self.items.len() {
-            return (groups, 0);
+            return groups;
         }
-        let bytes: &[u8] = bytemuck::cast_slice(&self.items[first..]);
-        context.queue().write_buffer(&self.buffer, (first * size_of::<WorkItem>()) as u64, bytes);
+        belt.write(&self.buffer, (first * size_of::<WorkItem>()) as u64, &self.items[first..]);
         self.uploaded.truncate(first);
         self.uploaded.extend_from_slice(&self.items[first..]);
-        (groups, bytes.len() as u64)
+        groups
     }
 }
 

@@ -59,6 +59,17 @@ pub enum GpuError {
         /// Largest side.
         limit: u32,
     },
+    /// No view, or more than one call takes.
+    #[error("{views} views were asked for; one call draws 1 to {most}, call again for more")]
+    BadViews {
+        /// Views asked for.
+        views: usize,
+        /// Most views.
+        most: usize,
+    },
+    /// A target that does not fit the views, or the pictures drawn before.
+    #[error("the target does not fit: {0}")]
+    BadTarget(String),
     /// A camera that looks nowhere.
     #[error("the camera is degenerate: {0}")]
     BadCamera(&'static str),

@@ -1,7 +1,9 @@
 //! Coloured segments and points on top of the picture: what the inspection layers are made of. Free when there are none.
 
+use super::belt::Belt;
 use super::context::Context;
-use super::stage::{PipelineShape, Stage};
+use super::pipelines::{PipelineFamily, PipelineKey, Shape};
+use super::stage::{Stage, storage_entry};
 use super::types::Line;
 use glam::DVec3;
 
@@ -44,7 +46,7 @@ impl LineSegment {
 #[derive(Debug)]
 pub struct LinePass {
     layout: wgpu::BindGroupLayout,
-    pipeline: wgpu::RenderPipeline,
+    pipelines: PipelineFamily,
     records: Vec<Line>,
     uploaded: Vec<Line>,
     buffer: Option<(wgpu::Buffer, wgpu::BindGroup)>,
@@ -53,43 +55,31 @@ pub struct LinePass {
 impl LinePass {
     /// Compiles the pipeline.
     pub fn new(context: &Context, stage: &Stage) -> Self {
-        let entry = wgpu::BindGroupLayoutEntry {
-            binding: 0,
-            visibility: wgpu::ShaderStages::VERTEX,
-            ty: wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only: true },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            },
-            count: None,
-        };
-        let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("lines"), entries: &[entry] };
+        let entries = [storage_entry(0, wgpu::ShaderStages::VERTEX)];
+        let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("lines"), entries: &entries };
         let layout = context.device().create_bind_group_layout(&descriptor);
-        let pipeline = PipelineShape {
-            shader: "lines",
-            vertex: "capsule",
-            fragment: Some("ink"),
-            layouts: &[Some(&stage.layout), Some(&layout)],
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
-            cull: None,
-            blend: true,
-            depth_write: false,
-            depth_test: true,
-            samples: context.samples(),
-        }
-        .build(context);
-        Self { layout, pipeline, records: Vec::new(), uploaded: Vec::new(), buffer: None }
+        let shape =
+            Shape { shader: "lines", vertex: "capsule", fragment: Some("ink"), blend: true, depth_write: false, ..Shape::SOLID };
+        let pipelines = PipelineFamily::new(context, shape, &[&stage.layout, &layout]);
+        Self { layout, pipelines, records: Vec::new(), uploaded: Vec::new(), buffer: None }
     }
 
-    /// Uploads the lines of the next picture, if they differ from the last. Returns bytes. Lines with an end that is not
+    /// Compiles what a target needs, if there is anything to draw.
+    pub fn prepare_target(&mut self, context: &Context, key: PipelineKey) {
+        if !self.records.is_empty() {
+            self.pipelines.prepare(context, key);
+        }
+    }
+
+    /// Uploads the lines of the next picture, if they differ from the last. Lines with an end that is not
     /// finite are left out; those over the adapter's buffer limit too.
-    pub fn prepare(&mut self, context: &Context, lines: &[LineSegment]) -> u64 {
+    pub fn prepare(&mut self, context: &Context, belt: &mut Belt, lines: &[LineSegment]) {
         let most = context.device().limits().max_storage_buffer_binding_size as usize / size_of::<Line>();
         let finite = |l: &&LineSegment| l.a.is_finite() && l.b.is_finite() && l.width.is_finite();
         self.records.clear();
         self.records.extend(lines.iter().filter(finite).take(most).map(LineSegment::record));
         if self.records.is_empty() || self.records == self.uploaded {
-            return 0;
+            return;
         }
         let bytes: &[u8] = bytemuck::cast_slice(&self.records);
         if self.buffer.as_ref().is_none_or(|b| b.0.size() < bytes.len() as u64) {
@@ -97,10 +87,9 @@ impl LinePass {
             self.buffer = Some(self.make_buffer(context, room));
         }
         if let Some((buffer, _)) = &self.buffer {
-            context.queue().write_buffer(buffer, 0, bytes);
+            belt.write(buffer, 0, bytes);
         }
         self.uploaded.clone_from(&self.records);
-        bytes.len() as u64
     }
 
     fn make_buffer(&self, context: &Context, lines: usize) -> (wgpu::Buffer, wgpu::BindGroup) {
@@ -119,11 +108,13 @@ impl LinePass {
     }
 
     /// Draws the lines of the last [`LinePass::prepare`]. Returns draws.
-    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, key: PipelineKey, view: u32) -> u64 {
         let Some((_, group)) = self.buffer.as_ref().filter(|_| !self.records.is_empty()) else { return 0 };
-        pass.set_pipeline(&self.pipeline);
+        if !self.pipelines.set(pass, key) {
+            return 0;
+        }
         pass.set_bind_group(1, group, &[]);
-        pass.draw(0..4, 0..self.records.len() as u32);
+        pass.draw(0..6 * self.records.len() as u32, view..view + 1);
         1
     }
 }

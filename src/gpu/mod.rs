@@ -4,24 +4,38 @@
 
 pub mod allocator;
 pub mod arenas;
+pub mod belt;
 pub mod camera;
 pub mod context;
 pub mod deform;
 pub mod error;
+pub mod instruments;
 pub mod lines;
 pub mod materials;
+pub mod pipelines;
 pub mod readback;
 pub mod renderer;
 pub mod stage;
+pub mod table;
 pub mod targets;
+pub mod timing;
 pub mod tissue_pass;
 pub mod tissue_store;
+pub mod tool_meshes;
 pub mod types;
+#[cfg(any(feature = "desktop", feature = "vr"))]
+pub mod ui;
 pub mod view;
+pub mod views;
 
 pub use camera::{Bounds, Camera, Scenery};
 pub use context::{AdapterChoice, AdapterKind, Context, ContextOptions};
 pub use error::GpuError;
+pub use instruments::{Instrument, Tool};
 pub use lines::LineSegment;
 pub use renderer::{DrawOptions, GpuCounters, Renderer};
+pub use stage::VisibilityMask;
+pub use targets::{ColourTarget, Passes, RenderTarget};
+pub use timing::GpuTimes;
 pub use view::{DirtyRanges, MaterialView, TextureView, TissueDirty, TissueView, ViewVersions};
+pub use views::{Fov, MOST_VIEWS, Resolution, ViewPose, ViewSet};

@@ -11,16 +11,21 @@ pub fn read_buffer(context: &Context, buffer: &wgpu::Buffer, offset: u64, bytes:
     read(context, bytes, |encoder, staging| encoder.copy_buffer_to_buffer(buffer, offset, staging, 0, bytes))
 }
 
-/// Reads a picture of 4 bytes a pixel, rows from the top, without padding; waits for the GPU.
-pub fn read_texture(context: &Context, texture: &wgpu::Texture) -> Result<Vec<u8>, GpuError> {
-    let size = texture.size();
+/// Reads a layer of a picture of 4 bytes a pixel, rows from the top, without padding; waits for the GPU.
+pub fn read_texture(context: &Context, texture: &wgpu::Texture, layer: u32) -> Result<Vec<u8>, GpuError> {
+    let layers = texture.depth_or_array_layers();
+    if layer >= layers {
+        return Err(GpuError::BadTarget(format!("layer {layer} of {layers}")));
+    }
+    let size = wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() };
     let row = size.width * 4;
     let padded = row.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
     let bytes = u64::from(padded) * u64::from(size.height);
     let all = read(context, bytes, |encoder, staging| {
         let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(padded), rows_per_image: None };
         let to = wgpu::TexelCopyBufferInfo { buffer: staging, layout };
-        encoder.copy_texture_to_buffer(texture.as_image_copy(), to, size);
+        let origin = wgpu::Origin3d { x: 0, y: 0, z: layer };
+        encoder.copy_texture_to_buffer(wgpu::TexelCopyTextureInfo { origin, ..texture.as_image_copy() }, to, size);
     })?;
     Ok(all.chunks_exact(padded as usize).flat_map(|r| &r[..row as usize]).copied().collect())
 }

@@ -1,19 +1,28 @@
 //! Owns everything on the GPU and runs a frame's stages: sync each tissue, deform, draw.
+//!
+//! A host with a window or a headset calls, once a frame: [`Renderer::sync`] for each tissue, then [`Renderer::encode`] into an
+//! encoder of its own (deform pass, shadow and all views), then, if it has later poses, [`Renderer::set_late_views`], and
+//! submits. What is encoded must be submitted: the renderer takes it for done. One without either calls [`Renderer::draw`].
 
 use super::arenas::{ArenaKind, Arenas, Slot};
-use super::camera::{Bounds, Camera, Scenery, view_record};
+use super::camera::{Bounds, Camera, Scenery, frame_record};
 use super::context::Context;
 use super::deform::{DeformPass, Variant};
 use super::error::GpuError;
+use super::instruments::{Instrument, InstrumentPass};
 use super::lines::{LinePass, LineSegment};
 use super::materials::Materials;
+use super::pipelines::PipelineKey;
 use super::readback;
-use super::stage::Stage;
-use super::targets::{Attachments, Targets};
+use super::stage::{Stage, VisibilityMask};
+use super::table::Table;
+use super::targets::{PassKind, Passes, Picture, RenderTarget, TargetPool};
+use super::timing::{GpuTimes, Timer};
 use super::tissue_pass::TissuePass;
 use super::tissue_store::{GpuTissue, MAX_TISSUES};
-use super::types::{DISPLACED, FADING, SKINNED, TissueRecord, View};
+use super::types::{DISPLACED, FADING, SKINNED, TissueRecord};
 use super::view::{TissueDirty, TissueView};
+use super::views::{ViewPose, ViewSet, check_views};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -26,6 +35,8 @@ pub struct GpuCounters {
     pub draws: u64,
     /// Bytes sent to the GPU.
     pub bytes_uploaded: u64,
+    /// Tissues that no view could see and that were not drawn.
+    pub culled: u64,
 }
 
 /// What a picture shows besides the tissues.
@@ -35,6 +46,12 @@ pub struct DrawOptions<'a> {
     pub scenery: Scenery,
     /// Inspection layers.
     pub lines: &'a [LineSegment],
+    /// Scalpels, forceps, planes.
+    pub instruments: &'a [Instrument],
+    /// Leaves out the pixels of [`Renderer::set_visibility_masks`] in offscreen pictures.
+    pub masked: bool,
+    /// How several views are drawn.
+    pub passes: Passes,
 }
 
 /// The GPU's side of a scene. Tissues are known by keys of the caller.
@@ -47,11 +64,18 @@ pub struct Renderer {
     stage: Stage,
     tissue_pass: TissuePass,
     lines: LinePass,
-    targets: Option<Targets>,
+    instruments: InstrumentPass,
+    targets: TargetPool,
+    timer: Timer,
+    picture: Option<Picture>,
+    /// The lamp's frame that the shadow map was drawn in, as long as it holds what is there.
+    shadow_of: Option<[[f32; 4]; 4]>,
     tissues: BTreeMap<u64, GpuTissue>,
     table: Table,
     free_slots: Vec<u32>,
     counters: GpuCounters,
+    /// Bytes that the counters have seen.
+    bytes_counted: u64,
 }
 
 impl Renderer {
@@ -64,12 +88,17 @@ impl Renderer {
             deform: DeformPass::new(&context),
             tissue_pass: TissuePass::new(&context, &stage),
             lines: LinePass::new(&context, &stage),
+            instruments: InstrumentPass::new(&context, &stage),
             stage,
-            targets: None,
+            targets: TargetPool::default(),
+            timer: Timer::new(&context),
+            picture: None,
+            shadow_of: None,
             tissues: BTreeMap::new(),
             table: Table::new(&context, 16),
             free_slots: Vec::new(),
             counters: GpuCounters::default(),
+            bytes_counted: 0,
             context,
         }
     }
@@ -93,9 +122,7 @@ impl Renderer {
             let slot = self.new_slot()?;
             self.tissues.insert(key, GpuTissue::new(slot));
         }
-        let before = self.arenas.bytes_uploaded();
         let result = self.sync_known(key, view, dirty);
-        self.counters.bytes_uploaded += self.arenas.bytes_uploaded() - before;
         if result.is_err() {
             self.remove(key);
         }
@@ -106,7 +133,7 @@ impl Renderer {
         let Some(tissue) = self.tissues.get_mut(&key) else { return Err(GpuError::UnknownTissue(key)) };
         if tissue.wants_materials(view.versions) || matches!(dirty, TissueDirty::Full) {
             let bytes = self.materials.set(&self.context, tissue.record.slot as usize, view.materials)?;
-            self.arenas.count_upload(bytes);
+            self.arenas.belt().count(bytes);
         }
         tissue.sync(&self.context, &mut self.arenas, view, dirty)
     }
@@ -119,6 +146,7 @@ impl Renderer {
             self.materials.clear(slot as usize);
             self.table.set(slot, TissueRecord { slot, ..Default::default() });
             self.free_slots.push(slot);
+            self.shadow_of = None;
         }
     }
 
@@ -136,7 +164,8 @@ impl Renderer {
     /// dispatched or submitted. Errors: the device failed, now or earlier.
     pub fn deform(&mut self) -> Result<(), GpuError> {
         let mut encoder = self.encoder("deform");
-        if self.encode_deform(&mut encoder) {
+        let before = self.bytes_counted;
+        if self.encode_deform(&mut encoder) || self.bytes_counted != before {
             self.context.queue().submit([encoder.finish()]);
         }
         self.context.check()
@@ -144,6 +173,10 @@ impl Renderer {
 
     /// [`Renderer::deform`] into an encoder of the caller's. False if there was nothing to do.
     pub fn encode_deform(&mut self, encoder: &mut wgpu::CommandEncoder) -> bool {
+        self.run_deform(encoder, false)
+    }
+
+    fn run_deform(&mut self, encoder: &mut wgpu::CommandEncoder, timed: bool) -> bool {
         self.upload_table();
         self.deform.begin();
         let mut variant = Variant::default();
@@ -154,68 +187,143 @@ impl Renderer {
             variant.displaced |= record.flags & (DISPLACED | FADING) != 0;
             tissue.needs_deform = false;
         }
-        let table = (&self.table.buffer, self.table.generation);
-        let (dispatches, bytes) = self.deform.encode(&self.context, encoder, &self.arenas, table, variant);
+        let table = self.table.buffer();
+        let times = if timed && !self.deform.is_idle() { self.timer.compute("deform") } else { None };
+        let dispatches = self.deform.encode(&self.context, encoder, &mut self.arenas, table, variant, times);
         self.counters.dispatches += dispatches;
-        self.counters.bytes_uploaded += bytes;
+        self.flush(encoder);
+        if dispatches > 0 {
+            self.shadow_of = None;
+        }
         dispatches > 0
     }
 
-    /// Deforms what needs it and draws a picture into the offscreen target. Errors: camera, size, or the device failed.
+    /// Deforms what needs it and draws one view into an offscreen picture. Errors: camera, size, or the device failed.
     pub fn draw(&mut self, camera: &Camera, size: (u32, u32), options: &DrawOptions<'_>) -> Result<(), GpuError> {
-        if self.targets.as_ref().is_none_or(|t| t.size() != size) {
-            self.targets = Some(Targets::new(&self.context, size)?);
-        }
-        let targets = self.targets.take().ok_or(GpuError::BadCamera("no target"))?;
+        Picture::check_size(&self.context, size)?;
+        let aspect = f64::from(size.0) / f64::from(size.1);
+        self.draw_views(&[ViewPose::from_camera(camera, aspect)?], size, options)
+    }
+
+    /// Deforms what needs it and draws views of equal size into the layers of an offscreen picture. Errors: views, size, or the
+    /// device failed.
+    pub fn draw_views(&mut self, views: &[ViewPose], size: (u32, u32), options: &DrawOptions<'_>) -> Result<(), GpuError> {
+        check_views(views)?;
+        let fits = |p: &Picture| p.target().size() == size && p.target().layers() == views.len();
+        let picture = match self.picture.take().filter(fits) {
+            Some(picture) => picture,
+            None => Picture::new(&self.context, size, views.len() as u32)?,
+        };
         let mut encoder = self.encoder("frame");
-        let drawn = self.encode(&mut encoder, targets.attachments(), camera, size, options);
-        self.targets = Some(targets);
+        let masked = ViewSet { views, masked: options.masked };
+        let drawn = self.encode(&mut encoder, &masked, &RenderTarget::new(picture.target()), options);
+        self.picture = Some(picture);
         drawn?;
         self.context.queue().submit([encoder.finish()]);
         self.context.check()
     }
 
-    /// [`Renderer::draw`] into an encoder and views of the caller's.
+    /// Deforms what needs it and draws all views into a target, in the caller's encoder: in one pass where adapter and target
+    /// allow it, else in a pass each. At most 8 calls a submission. Errors: views, target; nothing is encoded then.
     pub fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
-        attachments: Attachments<'_>,
-        camera: &Camera,
-        size: (u32, u32),
+        views: &ViewSet<'_>,
+        target: &RenderTarget<'_>,
         options: &DrawOptions<'_>,
     ) -> Result<(), GpuError> {
-        let rest = self.tissues.values().fold(Bounds::EMPTY, |all, t| all.union(t.rest_bounds()));
-        let view = view_record(camera, size, &options.scenery, rest, self.bounds())?;
-        self.encode_deform(encoder);
-        self.prepare_draw(view, options.lines);
-        if options.scenery.shadow {
-            let mut pass = self.stage.begin_shadow(encoder);
+        check_views(views.views)?;
+        target.check(views.views.len())?;
+        let all = || self.tissues.values().fold(Bounds::EMPTY, |all, t| all.union(t.rest_bounds()));
+        let rest = options.scenery.ground.unwrap_or_else(all);
+        let frame = frame_record(views.views, target.viewport_size(), &options.scenery, rest, self.bounds())?;
+        self.timer.begin();
+        self.run_deform(encoder, true);
+        self.counters.bytes_uploaded += self.stage.set_frame(&self.context, &frame);
+        self.lines.prepare(&self.context, self.arenas.belt(), options.lines);
+        self.instruments.prepare(&self.context, self.arenas.belt(), options.instruments);
+        self.flush(encoder);
+        self.prepare_tissues(views.views);
+        let (key, place) = self.targets.prepare(&self.context, target, views.views.len(), options.passes);
+        self.stage.prepare(&self.context, key);
+        self.tissue_pass.prepare_target(&self.context, key);
+        self.lines.prepare_target(&self.context, key);
+        self.instruments.prepare_target(&self.context, key);
+        if options.scenery.shadow && self.shadow_of != Some(frame.light_from_world) {
+            let mut pass = self.stage.begin_shadow(encoder, self.timer.render("shadow"));
             self.counters.draws += self.tissue_pass.draw_shadow(&mut pass);
+            self.shadow_of = Some(frame.light_from_world);
         }
-        let mut pass = attachments.begin(encoder);
-        let mut draws = self.stage.draw_backdrop(&mut pass);
-        draws += self.tissue_pass.draw(&mut pass);
-        if options.scenery.tray && !self.tissues.is_empty() {
-            draws += self.stage.draw_tray(&mut pass);
+        for view in 0..if key.views > 1 { 1 } else { views.views.len() } {
+            let kind = if key.views > 1 { PassKind::Multiview } else { PassKind::Layer(view) };
+            let mut pass = self.targets.begin(encoder, target, place, kind, self.timer.render("views"));
+            let tray = options.scenery.tray && !self.tissues.is_empty();
+            let draws = self.draw_view(&mut pass, key, view as u32, views.masked, tray);
+            self.counters.draws += draws;
         }
-        draws += self.lines.draw(&mut pass);
-        self.counters.draws += draws;
+        self.timer.end(encoder);
         Ok(())
     }
 
-    fn prepare_draw(&mut self, view: View, lines: &[LineSegment]) {
-        self.counters.bytes_uploaded += self.stage.set_view(&self.context, view);
-        self.counters.bytes_uploaded += self.lines.prepare(&self.context, lines);
-        let table = (&self.table.buffer, self.table.generation);
-        let faces = self.tissues.values().map(GpuTissue::faces);
-        self.tissue_pass.prepare(&self.context, &self.arenas, table, &self.materials, faces);
+    /// What one pass draws, nearest to the eye first as far as is known.
+    fn draw_view(&self, pass: &mut wgpu::RenderPass<'_>, key: PipelineKey, view: u32, masked: bool, tray: bool) -> u64 {
+        self.stage.bind(pass);
+        let mut draws = if masked { self.stage.draw_mask(pass, key, view) } else { 0 };
+        draws += self.instruments.draw(pass, key, view, true);
+        draws += self.tissue_pass.draw(pass, key, view);
+        draws += self.stage.draw_backdrop(pass, key, view);
+        if tray {
+            draws += self.stage.draw_tray(pass, key, view);
+        }
+        draws += self.lines.draw(pass, key, view);
+        draws + self.instruments.draw(pass, key, view, false)
     }
 
-    /// Draws a picture and brings it back: RGBA8, sRGB, rows from the top. Waits for the GPU.
+    fn prepare_tissues(&mut self, views: &[ViewPose]) {
+        let mut culled = 0;
+        let faces = self.tissues.values().map(|tissue| {
+            let bounds = tissue.posed_bounds();
+            let seen = views.iter().any(|v| v.may_see(&bounds));
+            culled += u64::from(!seen);
+            (tissue.faces(), seen)
+        });
+        self.tissue_pass.prepare(&self.context, &self.arenas, self.table.buffer(), &self.materials, faces);
+        self.counters.culled += culled;
+    }
+
+    /// Times every pass of [`Renderer::encode`] on the GPU from now on, or no longer. False where the adapter cannot.
+    pub fn set_timing(&mut self, on: bool) -> bool {
+        self.timer.set(&self.context, on)
+    }
+
+    /// What the passes of the latest frame took whose times have come back, a few frames ago; none while timing is off.
+    pub fn gpu_times(&mut self) -> Option<GpuTimes> {
+        self.timer.latest()
+    }
+
+    /// Gives the views of the last [`Renderer::encode`] later poses, until it is submitted: what was culled stays culled (by a
+    /// wider frustum than the views'). Errors: a view that looks nowhere, or other than as many views.
+    pub fn set_late_views(&mut self, views: &[ViewPose]) -> Result<(), GpuError> {
+        check_views(views)?;
+        self.counters.bytes_uploaded += self.stage.set_late_views(&self.context, views);
+        Ok(())
+    }
+
+    /// Pixels that a headset's lenses hide, a mask a view; none for no masks. Used by view sets that are `masked`.
+    pub fn set_visibility_masks(&mut self, masks: &[VisibilityMask]) {
+        self.stage.set_masks(&self.context, masks);
+    }
+
+    /// Draws one view and brings it back: RGBA8, sRGB, rows from the top. Waits for the GPU.
     pub fn render_to_image(&mut self, camera: &Camera, size: (u32, u32), options: &DrawOptions<'_>) -> Result<Vec<u8>, GpuError> {
         self.draw(camera, size, options)?;
-        match &self.targets {
-            Some(targets) => readback::read_texture(&self.context, targets.colour()),
+        self.read_picture(0)
+    }
+
+    /// A view of the last [`Renderer::draw_views`]: RGBA8, sRGB, rows from the top. Waits for the GPU.
+    pub fn read_picture(&self, view: u32) -> Result<Vec<u8>, GpuError> {
+        match &self.picture {
+            Some(picture) => readback::read_texture(&self.context, picture.texture(), view),
             None => Ok(Vec::new()),
         }
     }
@@ -260,62 +368,19 @@ impl Renderer {
             (tissue.record.materials, tissue.record.material_count) = (first, count);
             self.table.set(tissue.record.slot, tissue.record);
         }
-        self.counters.bytes_uploaded += self.table.upload(&self.context);
+        if self.table.upload(&self.context, self.arenas.belt()) {
+            self.shadow_of = None;
+        }
+    }
+
+    /// Encodes the uploads noted since the last time.
+    fn flush(&mut self, encoder: &mut wgpu::CommandEncoder) {
+        self.arenas.belt().flush(&self.context, encoder);
+        let all = self.arenas.bytes_uploaded();
+        self.counters.bytes_uploaded += all - std::mem::replace(&mut self.bytes_counted, all);
     }
 
     fn encoder(&self, label: &str) -> wgpu::CommandEncoder {
         self.context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some(label) })
-    }
-}
-
-/// The records of all tissues.
-#[derive(Debug)]
-struct Table {
-    records: Vec<TissueRecord>,
-    dirty: std::ops::Range<usize>,
-    buffer: wgpu::Buffer,
-    generation: u64,
-}
-
-impl Table {
-    fn new(context: &Context, tissues: usize) -> Self {
-        Self { records: Vec::new(), dirty: 0..0, buffer: Self::make(context, tissues), generation: 0 }
-    }
-
-    fn make(context: &Context, tissues: usize) -> wgpu::Buffer {
-        context.device().create_buffer(&wgpu::BufferDescriptor {
-            label: Some("tissues"),
-            size: (tissues * size_of::<TissueRecord>()) as u64,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        })
-    }
-
-    fn set(&mut self, slot: u32, record: TissueRecord) {
-        let slot = slot as usize;
-        if self.records.len() <= slot {
-            self.records.resize(slot + 1, TissueRecord::default());
-        } else if self.records[slot] == record {
-            return;
-        }
-        self.records[slot] = record;
-        self.dirty =
-            if self.dirty.is_empty() { slot..slot + 1 } else { self.dirty.start.min(slot)..self.dirty.end.max(slot + 1) };
-    }
-
-    /// Returns bytes.
-    fn upload(&mut self, context: &Context) -> u64 {
-        if self.dirty.is_empty() {
-            return 0;
-        }
-        if self.buffer.size() < (self.records.len() * size_of::<TissueRecord>()) as u64 {
-            self.buffer = Self::make(context, self.records.len() * 2);
-            self.generation += 1;
-            self.dirty = 0..self.records.len();
-        }
-        let range = std::mem::replace(&mut self.dirty, 0..0);
-        let bytes: &[u8] = bytemuck::cast_slice(&self.records[range.clone()]);
-        context.queue().write_buffer(&self.buffer, (range.start * size_of::<TissueRecord>()) as u64, bytes);
-        bytes.len() as u64
     }
 }

@@ -1,111 +1,44 @@
-//! What all drawing shares: the view record, the lamp's shadow map, and the ground and backdrop themselves.
+//! What all drawing shares: the frame's record, the lamp's shadow map, the ground, the backdrop, and the mask of a headset.
 
 use super::camera::SHADOW_SIZE;
-use super::context::{COLOUR_FORMAT, Context, DEPTH_FORMAT};
-use super::types::{self, View};
+use super::context::{Context, DEPTH_FORMAT};
+use super::pipelines::{PipelineFamily, PipelineKey, Shape};
+use super::types::Frame;
+use super::views::ViewPose;
 
-/// View record, shadow map, backdrop and tray.
+/// What a headset's lenses hide of one view: triangles, corners as tangents from the eye (x right, y up, on the plane one metre
+/// ahead), as `XR_KHR_visibility_mask` gives them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct VisibilityMask {
+    /// Corners.
+    pub corners: Vec<[f32; 2]>,
+    /// Three a triangle; indices past the end are dropped with their triangle.
+    pub indices: Vec<u32>,
+}
+
+/// Frame records, shadow map, backdrop, tray and mask.
 #[derive(Debug)]
 pub struct Stage {
-    view: wgpu::Buffer,
-    uploaded: Option<View>,
+    frames: FrameRing,
     shadow_map: wgpu::TextureView,
-    /// Group 0 of everything that is lit: view, shadow map, its sampler.
+    /// Group 0 of everything that is lit: frame, shadow map, its sampler.
     pub layout: wgpu::BindGroupLayout,
-    /// Group 0 of everything that is not: the view alone.
-    pub view_layout: wgpu::BindGroupLayout,
+    /// Group 0 of everything that is not: the frame alone.
+    pub frame_layout: wgpu::BindGroupLayout,
     group: wgpu::BindGroup,
-    view_group: wgpu::BindGroup,
-    backdrop: wgpu::RenderPipeline,
-    tray: wgpu::RenderPipeline,
-}
-
-/// How a pipeline differs from the others.
-pub struct PipelineShape<'a> {
-    /// Shader and label.
-    pub shader: &'static str,
-    /// Vertex entry point.
-    pub vertex: &'static str,
-    /// Fragment entry point; none draws depth only.
-    pub fragment: Option<&'static str>,
-    /// Bind group layouts.
-    pub layouts: &'a [Option<&'a wgpu::BindGroupLayout>],
-    /// How vertices become triangles.
-    pub topology: wgpu::PrimitiveTopology,
-    /// Which side is not drawn.
-    pub cull: Option<wgpu::Face>,
-    /// Blends over what is there.
-    pub blend: bool,
-    /// Writes depth.
-    pub depth_write: bool,
-    /// Compares depth.
-    pub depth_test: bool,
-    /// Samples a pixel.
-    pub samples: u32,
-}
-
-impl PipelineShape<'_> {
-    /// Compiles it.
-    pub fn build(&self, context: &Context) -> wgpu::RenderPipeline {
-        let device = context.device();
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(self.shader),
-            source: wgpu::ShaderSource::Wgsl(types::shader(self.shader).into()),
-        });
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(self.shader),
-            bind_group_layouts: self.layouts,
-            immediate_size: 0,
-        });
-        let targets = [Some(wgpu::ColorTargetState {
-            format: COLOUR_FORMAT,
-            blend: self.blend.then_some(wgpu::BlendState::ALPHA_BLENDING),
-            write_mask: wgpu::ColorWrites::ALL,
-        })];
-        device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(self.shader),
-            layout: Some(&layout),
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some(self.vertex),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState { topology: self.topology, cull_mode: self.cull, ..Default::default() },
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH_FORMAT,
-                depth_write_enabled: Some(self.depth_write),
-                depth_compare: Some(if self.depth_test {
-                    wgpu::CompareFunction::GreaterEqual
-                } else {
-                    wgpu::CompareFunction::Always
-                }),
-                stencil: Default::default(),
-                bias: Default::default(),
-            }),
-            multisample: wgpu::MultisampleState { count: self.samples, ..Default::default() },
-            fragment: self.fragment.map(|entry| wgpu::FragmentState {
-                module: &module,
-                entry_point: Some(entry),
-                compilation_options: Default::default(),
-                targets: &targets,
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
-    }
+    frame_group: wgpu::BindGroup,
+    backdrop: PipelineFamily,
+    tray: PipelineFamily,
+    mask: PipelineFamily,
+    mask_layout: wgpu::BindGroupLayout,
+    hidden: Option<(wgpu::BindGroup, u32)>,
 }
 
 impl Stage {
-    /// Compiles the pipelines and makes the shadow map.
+    /// Makes the shadow map; pipelines follow with the first target.
     pub fn new(context: &Context) -> Self {
         let device = context.device();
-        let view = device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("view"),
-            size: size_of::<View>() as u64,
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-            mapped_at_creation: false,
-        });
+        let frames = FrameRing::new(device);
         let shadow_map = make_shadow_map(device);
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("shadow"),
@@ -114,59 +47,96 @@ impl Stage {
             compare: Some(wgpu::CompareFunction::GreaterEqual),
             ..Default::default()
         });
-        let entries = view_layout_entries();
-        let make_layout = |entries: &[wgpu::BindGroupLayoutEntry]| {
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("view"), entries })
+        let entries = frame_layout_entries();
+        let make_layout = |label, entries: &[wgpu::BindGroupLayoutEntry]| {
+            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
         };
-        let (layout, view_layout) = (make_layout(&entries), make_layout(&entries[..1]));
+        let (layout, frame_layout) = (make_layout("frame", &entries), make_layout("frame", &entries[..1]));
+        let mask_layout = make_layout("mask", &[storage_entry(0, wgpu::ShaderStages::VERTEX)]);
+        let frame =
+            wgpu::BufferBinding { buffer: &frames.buffer, offset: 0, size: std::num::NonZeroU64::new(size_of::<Frame>() as u64) };
         let resources = [
-            wgpu::BindGroupEntry { binding: 0, resource: view.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::Buffer(frame) },
             wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&shadow_map) },
             wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&sampler) },
         ];
         let make_group = |layout: &wgpu::BindGroupLayout, entries: &[wgpu::BindGroupEntry<'_>]| {
-            device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("view"), layout, entries })
+            device.create_bind_group(&wgpu::BindGroupDescriptor { label: Some("frame"), layout, entries })
         };
-        let (group, view_group) = (make_group(&layout, &resources), make_group(&view_layout, &resources[..1]));
-        let layouts = [Some(&layout)];
-        let shape = PipelineShape {
-            shader: "ground",
-            vertex: "screen",
-            fragment: Some("sky"),
-            layouts: &layouts,
-            topology: wgpu::PrimitiveTopology::TriangleStrip,
-            cull: None,
-            blend: false,
-            depth_write: false,
-            depth_test: false,
-            samples: context.samples(),
-        };
-        let backdrop = shape.build(context);
-        let tray = PipelineShape {
-            vertex: "tray",
-            fragment: Some("drape"),
-            cull: Some(wgpu::Face::Back),
-            blend: true,
-            depth_write: true,
-            depth_test: true,
-            ..shape
+        let (group, frame_group) = (make_group(&layout, &resources), make_group(&frame_layout, &resources[..1]));
+        let ground = Shape { shader: "ground", ..Shape::SOLID };
+        let backdrop = Shape { vertex: "screen", fragment: Some("sky"), depth_write: false, ..ground };
+        let tray = Shape { vertex: "tray", fragment: Some("drape"), cull: Some(wgpu::Face::Back), blend: true, ..ground };
+        let mask = Shape { vertex: "mask_corner", fragment: Some("mask"), ..ground };
+        Self {
+            backdrop: PipelineFamily::new(context, backdrop, &[&layout]),
+            tray: PipelineFamily::new(context, tray, &[&layout]),
+            mask: PipelineFamily::new(context, mask, &[&layout, &mask_layout]),
+            frames,
+            shadow_map,
+            layout,
+            frame_layout,
+            group,
+            frame_group,
+            mask_layout,
+            hidden: None,
         }
-        .build(context);
-        Self { view, uploaded: None, shadow_map, layout, view_layout, group, view_group, backdrop, tray }
     }
 
-    /// Uploads the view if it is another than the last. Returns bytes.
-    pub fn set_view(&mut self, context: &Context, view: View) -> u64 {
-        if self.uploaded == Some(view) {
-            return 0;
+    /// Compiles what a target needs.
+    pub fn prepare(&mut self, context: &Context, key: PipelineKey) {
+        self.backdrop.prepare(context, key);
+        self.tray.prepare(context, key);
+        self.mask.prepare(context, key);
+    }
+
+    /// Makes a frame the current one; uploads it unless it is there already. Returns bytes.
+    pub fn set_frame(&mut self, context: &Context, frame: &Frame) -> u64 {
+        self.frames.set(context, frame)
+    }
+
+    /// Gives the current frame's views other poses, for everything that is encoded and not yet submitted. Returns bytes.
+    pub fn set_late_views(&mut self, context: &Context, views: &[ViewPose]) -> u64 {
+        self.frames.set_views(context, views)
+    }
+
+    /// What each view hides; none for no mask. Bad triangles are left out.
+    pub fn set_masks(&mut self, context: &Context, masks: &[VisibilityMask]) {
+        let mut corners: Vec<[f32; 4]> = Vec::new();
+        for (view, mask) in masks.iter().enumerate() {
+            for triangle in mask.indices.as_chunks::<3>().0 {
+                let corner = |i: u32| mask.corners.get(i as usize).filter(|c| c[0].is_finite() && c[1].is_finite());
+                if let [Some(a), Some(b), Some(c)] = triangle.map(corner) {
+                    corners.extend([a, b, c].map(|p| [p[0], p[1], view as f32, 0.0]));
+                }
+            }
         }
-        context.queue().write_buffer(&self.view, 0, bytemuck::bytes_of(&view));
-        self.uploaded = Some(view);
-        size_of::<View>() as u64
+        if corners.is_empty() {
+            self.hidden = None;
+            return;
+        }
+        let bytes: &[u8] = bytemuck::cast_slice(&corners);
+        let buffer = context.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some("mask"),
+            size: bytes.len() as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        context.queue().write_buffer(&buffer, 0, bytes);
+        let group = context.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("mask"),
+            layout: &self.mask_layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
+        });
+        self.hidden = Some((group, corners.len() as u32));
     }
 
     /// The depth-only pass of the lamp.
-    pub fn begin_shadow<'a>(&self, encoder: &'a mut wgpu::CommandEncoder) -> wgpu::RenderPass<'a> {
+    pub fn begin_shadow<'a>(
+        &self,
+        encoder: &'a mut wgpu::CommandEncoder,
+        timestamps: Option<wgpu::RenderPassTimestampWrites<'_>>,
+    ) -> wgpu::RenderPass<'a> {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("shadow"),
             depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
@@ -174,32 +144,119 @@ impl Stage {
                 depth_ops: Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store }),
                 stencil_ops: None,
             }),
+            timestamp_writes: timestamps,
             ..Default::default()
         });
-        pass.set_bind_group(0, &self.view_group, &[]);
+        pass.set_bind_group(0, &self.frame_group, &[self.frames.offset()]);
         pass
     }
 
-    /// Binds the view for lit drawing and draws the backdrop. Returns draws.
-    pub fn draw_backdrop(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
-        pass.set_bind_group(0, &self.group, &[]);
-        pass.set_pipeline(&self.backdrop);
-        pass.draw(0..3, 0..1);
+    /// Binds the current frame for lit drawing.
+    pub fn bind(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_bind_group(0, &self.group, &[self.frames.offset()]);
+    }
+
+    /// Draws what the lenses hide, before everything else: nothing behind it is shaded. Returns draws.
+    pub fn draw_mask(&self, pass: &mut wgpu::RenderPass<'_>, key: PipelineKey, view: u32) -> u64 {
+        let Some((group, corners)) = &self.hidden else { return 0 };
+        if !self.mask.set(pass, key) {
+            return 0;
+        }
+        pass.set_bind_group(1, group, &[]);
+        pass.draw(0..*corners, view..view + 1);
         1
+    }
+
+    /// Draws the backdrop where nothing else was drawn. Returns draws.
+    pub fn draw_backdrop(&self, pass: &mut wgpu::RenderPass<'_>, key: PipelineKey, view: u32) -> u64 {
+        draw(&self.backdrop, pass, key, 6, view)
     }
 
     /// Draws the tray, after everything that stands on it: what is hidden is not shaded. Returns draws.
-    pub fn draw_tray(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
-        pass.set_pipeline(&self.tray);
-        pass.draw(0..4, 0..1);
-        1
+    pub fn draw_tray(&self, pass: &mut wgpu::RenderPass<'_>, key: PipelineKey, view: u32) -> u64 {
+        draw(&self.tray, pass, key, 6, view)
     }
 }
 
-fn view_layout_entries() -> [wgpu::BindGroupLayoutEntry; 3] {
+fn draw(family: &PipelineFamily, pass: &mut wgpu::RenderPass<'_>, key: PipelineKey, vertices: u32, view: u32) -> u64 {
+    if !family.set(pass, key) {
+        return 0;
+    }
+    pass.draw(0..vertices, view..view + 1);
+    1
+}
+
+/// Frame records in turn, so that several calls may be encoded before one submission.
+#[derive(Debug)]
+struct FrameRing {
+    buffer: wgpu::Buffer,
+    stride: u32,
+    uploaded: [Option<Box<Frame>>; SLOTS],
+    current: usize,
+}
+
+/// Calls that one submission may hold.
+const SLOTS: usize = 8;
+
+impl FrameRing {
+    fn new(device: &wgpu::Device) -> Self {
+        let align = device.limits().min_uniform_buffer_offset_alignment.max(1);
+        let stride = (size_of::<Frame>() as u32).next_multiple_of(align);
+        let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("frames"),
+            size: u64::from(stride) * SLOTS as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        Self { buffer, stride, uploaded: [const { None }; SLOTS], current: 0 }
+    }
+
+    fn offset(&self) -> u32 {
+        self.current as u32 * self.stride
+    }
+
+    fn set(&mut self, context: &Context, frame: &Frame) -> u64 {
+        if let Some(known) = self.uploaded.iter().position(|u| u.as_deref() == Some(frame)) {
+            self.current = known;
+            return 0;
+        }
+        self.current = (self.current + 1) % SLOTS;
+        self.write(context, frame)
+    }
+
+    fn set_views(&mut self, context: &Context, views: &[ViewPose]) -> u64 {
+        let Some(mut frame) = self.uploaded[self.current].as_deref().copied() else { return 0 };
+        for (record, view) in frame.views.iter_mut().zip(views) {
+            let [width, height, ..] = record.size;
+            *record = view.record((width as u32, height as u32));
+        }
+        if self.uploaded[self.current].as_deref() == Some(&frame) { 0 } else { self.write(context, &frame) }
+    }
+
+    fn write(&mut self, context: &Context, frame: &Frame) -> u64 {
+        context.queue().write_buffer(&self.buffer, u64::from(self.offset()), bytemuck::bytes_of(frame));
+        match &mut self.uploaded[self.current] {
+            Some(known) => **known = *frame,
+            none => *none = Some(Box::new(*frame)),
+        }
+        size_of::<Frame>() as u64
+    }
+}
+
+/// A storage buffer that is read.
+pub fn storage_entry(binding: u32, visibility: wgpu::ShaderStages) -> wgpu::BindGroupLayoutEntry {
+    let ty = wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Storage { read_only: true },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None }
+}
+
+fn frame_layout_entries() -> [wgpu::BindGroupLayoutEntry; 3] {
     let entry = |binding, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
     let uniform =
-        wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None };
+        wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: true, min_binding_size: None };
     let depth = wgpu::BindingType::Texture {
         sample_type: wgpu::TextureSampleType::Depth,
         view_dimension: wgpu::TextureViewDimension::D2,

@@ -3,19 +3,22 @@
 use super::arenas::{ArenaKind, Arenas};
 use super::context::Context;
 use super::materials::Materials;
-use super::stage::{PipelineShape, Stage};
+use super::pipelines::{PipelineFamily, PipelineKey, Shape};
+use super::stage::Stage;
 
 /// Pipelines and bind groups of the tissues.
 #[derive(Debug)]
 pub struct TissuePass {
     layout: wgpu::BindGroupLayout,
     shadow_layout: wgpu::BindGroupLayout,
-    tissue: wgpu::RenderPipeline,
-    shadow: wgpu::RenderPipeline,
+    tissue: PipelineFamily,
+    shadow: PipelineFamily,
     sampler: wgpu::Sampler,
     groups: Option<(u64, wgpu::BindGroup, wgpu::BindGroup)>,
-    /// First face slot and one past the last, of the arena.
+    /// First face slot and one past the last, of the arena: what the eyes may see.
     runs: Vec<(u32, u32)>,
+    /// The same of all tissues: out of sight they may still throw shadows.
+    all_runs: Vec<(u32, u32)>,
 }
 
 /// Bindings 1 to 4; the tissue table is 0.
@@ -33,30 +36,11 @@ impl TissuePass {
             device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("tissue"), entries })
         };
         let (layout, shadow_layout) = (make_layout(&entries), make_layout(&shadow_entries));
-        let layouts = [Some(&stage.layout), Some(&layout)];
-        let shape = PipelineShape {
-            shader: "tissue",
-            vertex: "corner",
-            fragment: Some("surface"),
-            layouts: &layouts,
-            topology: wgpu::PrimitiveTopology::TriangleList,
-            cull: None,
-            blend: false,
-            depth_write: true,
-            depth_test: true,
-            samples: context.samples(),
-        };
-        let tissue = shape.build(context);
-        let shadow_layouts = [Some(&stage.view_layout), Some(&shadow_layout)];
-        let shadow = PipelineShape {
-            shader: "shadow",
-            vertex: "lamp_corner",
-            fragment: None,
-            layouts: &shadow_layouts,
-            samples: 1,
-            ..shape
-        }
-        .build(context);
+        let tissue = Shape { shader: "tissue", vertex: "corner", fragment: Some("surface"), ..Shape::SOLID };
+        let tissue = PipelineFamily::new(context, tissue, &[&stage.layout, &layout]);
+        let shadow = Shape { shader: "shadow", vertex: "lamp_corner", ..Shape::SOLID };
+        let mut shadow = PipelineFamily::new(context, shadow, &[&stage.frame_layout, &shadow_layout]);
+        shadow.prepare(context, PipelineKey::DEPTH);
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("textures"),
             address_mode_u: wgpu::AddressMode::Repeat,
@@ -66,21 +50,34 @@ impl TissuePass {
             mipmap_filter: wgpu::MipmapFilterMode::Linear,
             ..Default::default()
         });
-        Self { layout, shadow_layout, tissue, shadow, sampler, groups: None, runs: Vec::new() }
+        Self { layout, shadow_layout, tissue, shadow, sampler, groups: None, runs: Vec::new(), all_runs: Vec::new() }
     }
 
-    /// Brings bind groups and runs of faces up to date. `faces`: first slot and number of each tissue to be drawn.
+    /// Compiles what a target needs.
+    pub fn prepare_target(&mut self, context: &Context, key: PipelineKey) {
+        self.tissue.prepare(context, key);
+    }
+
+    /// Brings bind groups and runs of faces up to date. `faces`: first slot and number of each tissue, and whether an eye may
+    /// see it.
     pub fn prepare(
         &mut self,
         context: &Context,
         arenas: &Arenas,
         table: (&wgpu::Buffer, u64),
         materials: &Materials,
-        faces: impl Iterator<Item = (u32, u32)>,
+        faces: impl Iterator<Item = ((u32, u32), bool)>,
     ) {
         self.runs.clear();
-        self.runs.extend(faces.filter(|f| f.1 > 0).map(|(first, count)| (first, first + count)));
+        self.all_runs.clear();
+        for ((first, count), seen) in faces.filter(|f| f.0.1 > 0) {
+            self.all_runs.push((first, first + count));
+            if seen {
+                self.runs.push((first, first + count));
+            }
+        }
         merge_runs(&mut self.runs);
+        merge_runs(&mut self.all_runs);
         let generation = arenas.generation() + table.1 + materials.generation();
         if self.groups.as_ref().is_some_and(|g| g.0 == generation) {
             return;
@@ -106,25 +103,29 @@ impl TissuePass {
     /// Draws what the lamp sees. Returns draws.
     pub fn draw_shadow(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
         let Some((_, _, group)) = &self.groups else { return 0 };
-        pass.set_pipeline(&self.shadow);
+        if !self.shadow.set(pass, PipelineKey::DEPTH) {
+            return 0;
+        }
         pass.set_bind_group(1, group, &[]);
-        self.draw_runs(pass)
+        draw_runs(pass, &self.all_runs, 0)
     }
 
     /// Draws what the eye sees. Returns draws.
-    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
+    pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, key: PipelineKey, view: u32) -> u64 {
         let Some((_, group, _)) = &self.groups else { return 0 };
-        pass.set_pipeline(&self.tissue);
-        pass.set_bind_group(1, group, &[]);
-        self.draw_runs(pass)
-    }
-
-    fn draw_runs(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
-        for &(first, end) in &self.runs {
-            pass.draw(first * 3..end * 3, 0..1);
+        if !self.tissue.set(pass, key) {
+            return 0;
         }
-        self.runs.len() as u64
+        pass.set_bind_group(1, group, &[]);
+        draw_runs(pass, &self.runs, view)
     }
+}
+
+fn draw_runs(pass: &mut wgpu::RenderPass<'_>, runs: &[(u32, u32)], view: u32) -> u64 {
+    for &(first, end) in runs {
+        pass.draw(first * 3..end * 3, view..view + 1);
+    }
+    runs.len() as u64
 }
 
 /// Face slots that are nobody's are nothing to look at, so a small gap costs less than a draw.

@@ -142,9 +142,9 @@ impl GpuTissue {
             TissueDirty::Ranges(ranges) if !full => ranges.clone(),
             _ => full_ranges(view),
         };
-        self.upload_structure(context, arenas, view, &ranges);
+        self.upload_structure(arenas, view, &ranges);
         self.grow_rest_bounds(view, &ranges.vertices, full);
-        self.upload_motion(context, arenas, view);
+        self.upload_motion(arenas, view);
         self.fill_record(view);
         self.versions = Some(view.versions);
         Ok(())
@@ -175,62 +175,60 @@ impl GpuTissue {
         Ok(())
     }
 
-    fn upload_structure(&mut self, context: &Context, arenas: &mut Arenas, view: &TissueView<'_>, ranges: &DirtyRanges) {
-        let queue = context.queue();
+    fn upload_structure(&mut self, arenas: &mut Arenas, view: &TissueView<'_>, ranges: &DirtyRanges) {
         let slots = &self.slots;
         let before = arenas.bytes_uploaded();
         for range in clamped(&ranges.vertices, slots.vertices.len) {
-            arenas.upload(&queue, ArenaKind::Vertices, slots.vertices, range, |v| vertex_record(view, v));
+            arenas.upload(ArenaKind::Vertices, slots.vertices, range, |v| vertex_record(view, v));
         }
         for range in clamped(&ranges.bones, slots.bones.len) {
             let bones = view.rows.bones.arena();
             let term = |k: usize| Term { index: bones[k].joint, weight: bones[k].weight };
-            arenas.upload(&queue, ArenaKind::Terms, slots.bones, range, term);
+            arenas.upload(ArenaKind::Terms, slots.bones, range, term);
         }
         for range in clamped(&ranges.rows, slots.rows.len) {
             let rows = view.rows.rows.arena();
             let term = |k: usize| Term { index: rows[k].base.0, weight: rows[k].weight as f32 };
-            arenas.upload(&queue, ArenaKind::Terms, slots.rows, range, term);
+            arenas.upload(ArenaKind::Terms, slots.rows, range, term);
         }
         for range in clamped(&ranges.influences, slots.influences.len) {
             let influences = view.map.influences.arena();
             let term = |k: usize| Term { index: influences[k].particle.0, weight: influences[k].weight };
-            arenas.upload(&queue, ArenaKind::Terms, slots.influences, range, term);
+            arenas.upload(ArenaKind::Terms, slots.influences, range, term);
         }
         for range in clamped(&ranges.faces, slots.faces.len) {
             let tissue = self.record.slot;
-            arenas.upload(&queue, ArenaKind::Faces, slots.faces, range, |f| face_record(view, f, tissue));
+            arenas.upload(ArenaKind::Faces, slots.faces, range, |f| face_record(view, f, tissue));
         }
         for range in clamped(&ranges.wedges, slots.wedges.len) {
-            arenas.upload(&queue, ArenaKind::Wedges, slots.wedges, range, |w| view.mesh.wedges()[w]);
+            arenas.upload(ArenaKind::Wedges, slots.wedges, range, |w| view.mesh.wedges()[w]);
         }
         self.needs_deform |= arenas.bytes_uploaded() != before;
     }
 
     /// Joint matrices, displacements and fades, each only if its version is new.
-    fn upload_motion(&mut self, context: &Context, arenas: &mut Arenas, view: &TissueView<'_>) {
-        let queue = context.queue();
+    fn upload_motion(&mut self, arenas: &mut Arenas, view: &TissueView<'_>) {
         let new = |pick: fn(&ViewVersions) -> u64| self.versions.is_none_or(|old| pick(&old) != pick(&view.versions));
         let (pose, displacements, fades) = (new(|v| v.pose), new(|v| v.displacements), new(|v| v.fades));
         if pose {
             let joints = &view.pose.joint_matrices;
             let row = |k: usize| joints[k / 3].rows[k % 3];
-            arenas.upload(&queue, ArenaKind::Vectors, self.slots.joints, 0..joints.len() * 3, row);
+            arenas.upload(ArenaKind::Vectors, self.slots.joints, 0..joints.len() * 3, row);
             self.posed = self.rest_bounds.posed(view);
         }
         if displacements {
             let vector = |p: usize| view.displacements[p].as_vec3().extend(0.0).to_array();
-            arenas.upload(&queue, ArenaKind::Vectors, self.slots.displacements, 0..view.displacements.len(), vector);
+            arenas.upload(ArenaKind::Vectors, self.slots.displacements, 0..view.displacements.len(), vector);
             self.largest_displacement = view.displacements.iter().map(|u| u.length()).fold(0.0, f64::max);
         }
         if fades || self.fades.len() < view.fades.len() {
-            self.upload_fades(&queue, arenas, view);
+            self.upload_fades(arenas, view);
         }
         self.needs_deform |= pose || displacements || fades;
     }
 
     /// Uploads the fades that differ from those on the GPU.
-    fn upload_fades(&mut self, queue: &wgpu::Queue, arenas: &mut Arenas, view: &TissueView<'_>) {
+    fn upload_fades(&mut self, arenas: &mut Arenas, view: &TissueView<'_>) {
         let bits = |f: &[f32; 4]| f.map(f32::to_bits);
         self.fades_end_s = f64::NEG_INFINITY;
         let known = self.fades.len();
@@ -246,13 +244,13 @@ impl GpuTissue {
                 Some(run) if v <= run.end + 8 => run.end = v + 1,
                 _ => {
                     if let Some(run) = dirty.replace(v..v + 1) {
-                        arenas.upload(queue, ArenaKind::Vectors, self.slots.fades, run, |k| view.fades[k]);
+                        arenas.upload(ArenaKind::Vectors, self.slots.fades, run, |k| view.fades[k]);
                     }
                 }
             }
         }
         if let Some(run) = dirty {
-            arenas.upload(queue, ArenaKind::Vectors, self.slots.fades, run, |k| view.fades[k]);
+            arenas.upload(ArenaKind::Vectors, self.slots.fades, run, |k| view.fades[k]);
         }
         self.fades.truncate(view.fades.len().max(known));
         self.fades.resize(view.fades.len().max(known), [0.0; 4]);

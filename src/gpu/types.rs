@@ -1,6 +1,8 @@
 //! The structs that CPU and shaders share, mirrored by `shaders/types.wgsl` (a test compares them by reflection).
 
+use super::views::MOST_VIEWS;
 use bytemuck::{Pod, Zeroable};
+use std::borrow::Cow;
 
 /// Declares a GPU struct and lists its fields for the reflection test.
 macro_rules! gpu_struct {
@@ -161,28 +163,38 @@ gpu_struct!(
     View {
         /// Reverse depth, infinite far plane.
         clip_from_world: [[f32; 4]; 4],
+        /// Position; w is the distance of the near plane.
+        eye: [f32; 4],
+        /// Axis, world space.
+        right: [f32; 4],
+        /// Axis, world space.
+        up: [f32; 4],
+        /// Axis, world space.
+        forward: [f32; 4],
+        /// Tangents: half the width and height of the picture, then its centre.
+        lens: [f32; 4],
+        /// Width, height and their inverses, pixels.
+        size: [f32; 4],
+    }
+);
+
+gpu_struct!(
+    /// What all views of one call share, and the views.
+    Frame {
         /// Of the shadow map.
         light_from_world: [[f32; 4]; 4],
-        /// Camera position.
-        eye: [f32; 4],
-        /// Camera axis; w is tan(fov_y / 2) * aspect.
-        right: [f32; 4],
-        /// Camera axis; w is tan(fov_y / 2).
-        up: [f32; 4],
-        /// Camera axis.
-        forward: [f32; 4],
         /// Which way is up in the scene; w is the tray's height along it.
         scene_up: [f32; 4],
         /// Towards the lamp; w its radiance.
         key_light: [f32; 4],
-        /// Towards the fill light; w its radiance.
+        /// Towards the headlamp; w its radiance.
         fill_light: [f32; 4],
         /// Centre of the tray; w its radius, 0 for none.
         tray_centre: [f32; 4],
-        /// Width, height and their inverses.
-        size: [f32; 4],
         /// Texel size, depth bias, normal offset, 1 if there is a shadow map.
         shadow: [f32; 4],
+        /// View `i` is drawn into layer `i`.
+        views: [View; MOST_VIEWS],
     }
 );
 
@@ -200,8 +212,22 @@ gpu_struct!(
     }
 );
 
+gpu_struct!(
+    /// A corner of an instrument's triangle.
+    ToolVertex {
+        /// World space.
+        position: [f32; 3],
+        /// What it is made of.
+        stuff: u32,
+        /// Unit, world space.
+        normal: [f32; 3],
+        /// RGBA8, linear, red lowest.
+        colour: u32,
+    }
+);
+
 /// All shaders: name and full text, `types.wgsl` in front.
-pub const SHADERS: [(&str, &str); 6] = [
+pub const SHADERS: [(&str, &str); 7] = [
     (
         "deform",
         concat!(
@@ -234,6 +260,14 @@ pub const SHADERS: [(&str, &str); 6] = [
             include_str!("../../shaders/ground.wgsl")
         ),
     ),
+    (
+        "instruments",
+        concat!(
+            include_str!("../../shaders/types.wgsl"),
+            include_str!("../../shaders/light.wgsl"),
+            include_str!("../../shaders/instruments.wgsl")
+        ),
+    ),
     ("shadow", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/shadow.wgsl"))),
     ("lines", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/lines.wgsl"))),
 ];
@@ -241,6 +275,15 @@ pub const SHADERS: [(&str, &str); 6] = [
 /// Full text of a shader of [`SHADERS`]; empty for an unknown name.
 pub fn shader(name: &str) -> &'static str {
     SHADERS.iter().find(|s| s.0 == name).map_or("", |s| s.1)
+}
+
+/// How a vertex shader learns which view it draws.
+const VIEW_INDEX: &str = "@builtin(view_index)";
+
+/// [`shader`] for several views a pass, or for one: without multiview the number of the view comes as the instance's.
+pub fn shader_for(name: &str, multiview: bool) -> Cow<'static, str> {
+    let text = shader(name);
+    if multiview { text.into() } else { text.replace(VIEW_INDEX, "@builtin(instance_index)").into() }
 }
 
 #[cfg(test)]
@@ -292,6 +335,8 @@ mod tests {
             ("WorkItem", WorkItem::FIELDS, size_of::<WorkItem>()),
             ("Material", Material::FIELDS, size_of::<Material>()),
             ("View", View::FIELDS, size_of::<View>()),
+            ("Frame", Frame::FIELDS, size_of::<Frame>()),
+            ("ToolVertex", ToolVertex::FIELDS, size_of::<ToolVertex>()),
             ("Line", Line::FIELDS, size_of::<Line>()),
         ];
         for (name, fields, size) in ours {
@@ -326,13 +371,30 @@ mod tests {
     }
 
     #[test]
+    fn what_tools_are_made_of_agrees() {
+        let module = parse(shader("instruments"));
+        for (name, value) in crate::gpu::instruments::STUFF {
+            let (_, constant) = module.constants.iter().find(|c| c.1.name.as_deref() == Some(name)).expect(name);
+            let literal = &module.global_expressions[constant.init];
+            assert!(matches!(literal, naga::Expression::Literal(naga::Literal::U32(v)) if *v == value), "{name}");
+        }
+    }
+
+    #[test]
     fn all_shaders_are_valid() {
         for (name, text) in SHADERS {
-            let module = parse(text);
-            let valid = Validator::new(ValidationFlags::all(), Capabilities::default()).validate(&module);
-            assert!(valid.is_ok(), "{name}: {}", valid.unwrap_err().emit_to_string(text));
-            assert!(shader(name) == text && !module.entry_points.is_empty());
+            for multiview in [false, true] {
+                let text = shader_for(name, multiview);
+                let module = parse(&text);
+                // One view a pass must need nothing that an adapter may lack.
+                let capabilities = if multiview { Capabilities::MULTIVIEW } else { Capabilities::empty() };
+                let valid = Validator::new(ValidationFlags::all(), capabilities).validate(&module);
+                assert!(valid.is_ok(), "{name}: {}", valid.unwrap_err().emit_to_string(&text));
+                assert!(!module.entry_points.is_empty());
+            }
+            assert_eq!(shader(name), text);
         }
+        assert!(SHADERS.iter().filter(|s| s.1.contains(VIEW_INDEX)).count() >= 3, "lit shaders tell views apart");
         assert!(naga::front::wgsl::parse_str("fn broken( {").is_err());
     }
 }

@@ -1,29 +1,23 @@
 //! Frames into pictures, without a window: for CI, for scripts, for machines without a display.
 
-use super::layers::layer_lines;
+use super::mirror::Mirror;
 use crate::app::{App, FrameCounters, FrameReport, FrameTarget, FrameView};
 use crate::diagnostics::Stages;
-use crate::formats::Material;
-use crate::gpu::{
-    Camera, Context, ContextOptions, DrawOptions, GpuError, MaterialView, Renderer, Scenery, TextureView, TissueDirty,
-    TissueView, ViewVersions,
-};
+use crate::gpu::{Bounds, Camera, Context, ContextOptions, DrawOptions, GpuError, Instrument, Scenery};
 use crate::input::InputFrame;
-use crate::particles::ParticleMap;
-use crate::scene::TissueId;
-use crate::tissue::Tissue;
-use glam::DAffine3;
-use std::collections::{BTreeMap, BTreeSet};
+use crate::scene::{EditCommand, Scene};
+use crate::surgery::BladePose;
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Draws frames into memory.
 pub struct HeadlessTarget {
-    renderer: Renderer,
+    mirror: Mirror,
     size: (u32, u32),
     camera: Camera,
     scenery: Scenery,
-    known: BTreeSet<TissueId>,
     pixels: Vec<u8>,
+    blade: Blade,
 }
 
 impl HeadlessTarget {
@@ -31,18 +25,18 @@ impl HeadlessTarget {
     pub fn new(size: (u32, u32), camera: Camera) -> Result<Self, GpuError> {
         let context = Arc::new(Context::headless(ContextOptions::default())?);
         Ok(Self {
-            renderer: Renderer::new(context),
+            mirror: Mirror::new(context),
             size,
             camera,
             scenery: Scenery::default(),
-            known: BTreeSet::new(),
             pixels: Vec::new(),
+            blade: Blade::default(),
         })
     }
 
     /// Name of the adapter.
     pub fn adapter_name(&self) -> &str {
-        self.renderer.context().adapter_name()
+        self.mirror.renderer().context().adapter_name()
     }
 
     /// The camera of the next frame.
@@ -60,41 +54,9 @@ impl HeadlessTarget {
         self.size
     }
 
-    /// Largest distance between the GPU's positions and the f64 reference over all live vertices, as a fraction of the
-    /// diagonal. Reads back; for tests and reports.
+    /// See [`Mirror::gpu_error`].
     pub fn gpu_error(&self, app: &App) -> Result<f64, GpuError> {
-        let mut worst = 0.0f64;
-        for (id, tissue) in app.scene.tissues() {
-            let gpu = self.renderer.read_positions(u64::from(id.0))?;
-            for v in tissue.mesh().live_vertices() {
-                let p = glam::Vec3::from_array(gpu[v.index()]).as_dvec3();
-                worst = worst.max(p.distance(tissue.position(v)) / tissue.diagonal());
-            }
-        }
-        Ok(worst)
-    }
-
-    fn sync(&mut self, view: &FrameView) -> Result<(), GpuError> {
-        let mut dirty: BTreeMap<TissueId, TissueDirty> = BTreeMap::new();
-        for (id, delta) in view.changes {
-            let ranges = TissueDirty::from_deltas(&delta.mesh, &delta.rows, &delta.map);
-            match dirty.get_mut(id) {
-                Some(all) => all.merge(ranges),
-                None => drop(dirty.insert(*id, ranges)),
-            }
-        }
-        let now: BTreeSet<TissueId> = view.scene.tissues().map(|(id, _)| id).collect();
-        for gone in self.known.difference(&now) {
-            self.renderer.remove(u64::from(gone.0));
-        }
-        for (id, tissue) in view.scene.tissues() {
-            let ranges =
-                if self.known.contains(&id) { dirty.remove(&id).unwrap_or_else(TissueDirty::clean) } else { TissueDirty::Full };
-            let materials = material_views(tissue.materials());
-            self.renderer.sync(u64::from(id.0), &tissue_view(tissue, &materials), &ranges)?;
-        }
-        self.known = now;
-        Ok(())
+        self.mirror.gpu_error(&app.scene)
     }
 }
 
@@ -102,20 +64,72 @@ impl FrameTarget for HeadlessTarget {
     type Error = GpuError;
 
     fn present(&mut self, view: &FrameView, stages: &mut Stages, counters: &mut FrameCounters) -> Result<(), GpuError> {
-        stages.time("upload", || self.sync(view))?;
+        match self.draw(view, stages, counters) {
+            Err(GpuError::Lost(why)) => {
+                tracing::warn!("the GPU was lost ({why}); starting another device");
+                self.mirror.replace_lost_device()?;
+                self.draw(view, stages, counters)
+            }
+            result => result,
+        }
+    }
+}
+
+impl HeadlessTarget {
+    fn draw(&mut self, view: &FrameView, stages: &mut Stages, counters: &mut FrameCounters) -> Result<(), GpuError> {
+        stages.time("upload", || self.mirror.sync(view))?;
         stages.time("deform", || {
-            self.renderer.deform()?;
-            self.renderer.context().wait()
+            self.mirror.renderer_mut().deform()?;
+            self.mirror.renderer().context().wait()
         })?;
         stages.time("draw", || {
-            let lines = layer_lines(view);
-            let options = DrawOptions { scenery: self.scenery, lines: &lines };
-            self.pixels = self.renderer.render_to_image(&self.camera, self.size, &options)?;
+            let lines = self.mirror.layer_lines(view);
+            let (min, max) = view.scene.ground_bounds();
+            self.scenery.ground = Some(Bounds { min, max });
+            let scalpel = self.blade.scalpel(view.scene);
+            let instruments = scalpel.as_slice();
+            let options = DrawOptions { scenery: self.scenery, lines: &lines, instruments, ..Default::default() };
+            self.pixels = self.mirror.renderer_mut().render_to_image(&self.camera, self.size, &options)?;
             Ok::<(), GpuError>(())
         })?;
-        let gpu = self.renderer.take_counters();
-        (counters.dispatches, counters.draws, counters.bytes_uploaded) = (gpu.dispatches, gpu.draws, gpu.bytes_uploaded);
+        self.mirror.count(counters);
         Ok(())
+    }
+
+    /// The picture of the scene, for checks.
+    pub fn mirror(&self) -> &Mirror {
+        &self.mirror
+    }
+}
+
+/// The scalpel of a script: in the picture while a stroke lasts.
+#[derive(Clone, Copy, Debug, Default)]
+struct Blade {
+    pose: Option<BladePose>,
+    travel: DVec3,
+}
+
+impl Blade {
+    fn follow(&mut self, commands: &[EditCommand]) {
+        for command in commands {
+            match command {
+                EditCommand::StrokeBegin { .. } | EditCommand::StrokeEnd => *self = Self::default(),
+                EditCommand::StrokePose(pose) => {
+                    let step = self.pose.map_or(DVec3::ZERO, |last| pose.tip - last.tip);
+                    self.travel = if step.length_squared() > 0.0 { step } else { self.travel };
+                    self.pose = Some(*pose);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Of its true size beside a model up to half a metre, larger in proportion beside a larger one.
+    fn scalpel(&self, scene: &Scene) -> Option<Instrument> {
+        let pose = self.pose?;
+        let diagonal = scene.tissues().map(|(_, t)| t.diagonal()).fold(0.0, f64::max);
+        let scale = (diagonal / 0.5).clamp(1.0, 1e6);
+        Some(Instrument::scalpel(pose.tip, pose.base, self.travel, scale))
     }
 }
 
@@ -133,6 +147,7 @@ pub fn run<E: From<GpuError>>(
         if let Some(camera) = input.camera {
             *target.camera_mut() = Camera { eye: camera.eye, target: camera.target, up: camera.up, fov_y: camera.fov_y };
         }
+        target.blade.follow(&input.commands);
         let report = app.frame(&input, target)?;
         done(frame, &report, target)?;
         reports.push(report);
@@ -140,50 +155,13 @@ pub fn run<E: From<GpuError>>(
     Ok(reports)
 }
 
-static NO_PARTICLES: std::sync::LazyLock<ParticleMap> = std::sync::LazyLock::new(ParticleMap::default);
-
-fn tissue_view<'a>(tissue: &'a Tissue, materials: &'a [MaterialView<'a>]) -> TissueView<'a> {
-    let versions = tissue.versions();
-    TissueView {
-        mesh: tissue.mesh(),
-        rows: tissue.rows(),
-        map: tissue.layer().map_or(&NO_PARTICLES, |l| &l.map),
-        displacements: tissue.layer().map_or(&[], |l| l.displacements()),
-        fades: &tissue.fades().entries,
-        fade_duration_s: tissue.fades().duration_s,
-        time_s: tissue.time_s(),
-        pose: tissue.pose(),
-        materials,
-        diagonal: tissue.diagonal(),
-        world_from_tissue: DAffine3::from_translation(tissue.offset()),
-        versions: ViewVersions {
-            pose: versions.pose,
-            displacements: versions.displacements,
-            fades: versions.fades,
-            materials: 0,
-        },
-    }
-}
-
-fn material_views(materials: &[Material]) -> Vec<MaterialView<'_>> {
-    materials
-        .iter()
-        .map(|m| MaterialView {
-            base_colour: m.base_colour,
-            texture: m.texture.as_ref().map(|t| TextureView { width: t.width, height: t.height, rgba: &t.rgba }),
-            // a picture on the surface is skin or fur: drier and less translucent than bare flesh
-            wetness: if m.texture.is_some() { 0.25 } else { MaterialView::FLESH.wetness },
-            scatter: if m.texture.is_some() { 0.4 } else { MaterialView::FLESH.scatter },
-            ..MaterialView::FLESH
-        })
-        .collect()
-}
-
 /// Positions of a tissue's live vertices in model space: what a picture shows.
-pub fn visible_bounds(app: &App) -> (glam::DVec3, glam::DVec3) {
+pub fn visible_bounds(app: &App) -> (DVec3, DVec3) {
     let tissues = app.scene.tissues().map(|(_, t)| {
         let (low, high) = t.bounds();
-        (low + t.offset(), high + t.offset())
+        let corner = |k: usize| DVec3::from_array(std::array::from_fn(|m| if k >> m & 1 == 0 { low[m] } else { high[m] }));
+        let corners = (0..8).map(|k| t.to_model(corner(k)));
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
     });
-    tissues.fold((glam::DVec3::INFINITY, glam::DVec3::NEG_INFINITY), |(l, h), (low, high)| (l.min(low), h.max(high)))
+    tissues.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), (low, high)| (l.min(low), h.max(high)))
 }

@@ -10,7 +10,7 @@ use glam::DVec3;
 const PARTICLE: [f32; 4] = [1.0, 0.85, 0.2, 1.0];
 const LINK: [f32; 4] = [0.2, 0.75, 1.0, 0.8];
 const WIRE: [f32; 4] = [0.05, 0.05, 0.06, 0.6];
-const INFLUENCE: [f32; 4] = [0.5, 1.0, 0.4, 0.5];
+const EDGE: [f32; 4] = [1.0, 0.95, 0.1, 1.0];
 const SECTION: [f32; 4] = [1.0, 0.4, 0.9, 0.8];
 const STRIP: [f32; 4] = [1.0, 0.3, 0.2, 0.9];
 
@@ -25,23 +25,63 @@ pub(super) fn layer_lines(view: &FrameView) -> Vec<LineSegment> {
                 Layer::Sections => sections(tissue, &mut lines),
                 Layer::Influences => influences(tissue, &mut lines),
                 Layer::Strips => strips(tissue, &mut lines),
-                Layer::Boxes => {}
+                Layer::Edges => edges(tissue, &mut lines),
+                Layer::Boxes | Layer::Errors => {}
             }
         }
         if layer == Layer::Boxes {
             for tear_box in view.scene.last_tear_boxes() {
                 outline(tear_box.corners(), &mut lines);
             }
+            for slit in view.scene.last_tear_slits() {
+                let [a, b, c, d] = slit.corners;
+                outline([a, b, b, a, d, c, c, d], &mut lines);
+            }
         }
     }
     lines
+}
+
+/// How far the GPU's positions lie from the f64 reference: blue at 1e-9 of the diagonal, green in between, red from 1e-6 on.
+pub(super) fn error_points(tissue: &Tissue, gpu: &[[f32; 3]], lines: &mut Vec<LineSegment>) {
+    for v in tissue.mesh().live_vertices() {
+        let Some(found) = gpu.get(v.index()) else { continue };
+        let wanted = tissue.position(v);
+        let error = glam::Vec3::from_array(*found).as_dvec3().distance(wanted) / tissue.diagonal();
+        let heat = (error.max(1e-12).log10() + 9.0) / 3.0;
+        lines.push(LineSegment::point(tissue.to_model(wanted), heat_colour(heat), 5.0));
+    }
+}
+
+/// Blue at 0, green half-way, red at 1.
+fn heat_colour(heat: f64) -> [f32; 4] {
+    let x = heat.clamp(0.0, 1.0) as f32;
+    [(2.0 * x - 1.0).max(0.0), 1.0 - (2.0 * x - 1.0).abs(), (1.0 - 2.0 * x).max(0.0), 1.0]
+}
+
+/// Where wounds and cuts end: edges of the surface, or between skin and wall, with an end that an edit inserted.
+fn edges(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
+    let mesh = tissue.mesh();
+    let wall = |f: crate::geometry::FaceId| mesh.face_info(f).origin == u32::MAX;
+    for f in mesh.live_faces().filter(|f| !wall(*f)) {
+        for k in 0..3 {
+            let h = crate::geometry::HalfEdge::of(f, k);
+            let (a, b) = (mesh.from(h), mesh.to(h));
+            let opposite = mesh.opposite(h);
+            let ends = opposite.is_none() || wall(opposite.face());
+            if ends && !(tissue.rows().is_base(a) && tissue.rows().is_base(b)) {
+                let [a, b] = [a, b].map(|v| tissue.to_model(tissue.position(v)));
+                lines.push(LineSegment { width: 2.5, ..LineSegment::new(a, b, EDGE) });
+            }
+        }
+    }
 }
 
 fn particles(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     let Some(layer) = tissue.layer() else { return };
     let at = |p: usize| {
         let anchor = layer.map.anchors[p];
-        anchor.is_some().then(|| tissue.skinned(anchor) + layer.displacements()[p] + tissue.offset())
+        anchor.is_some().then(|| tissue.to_model(tissue.skinned(anchor) + layer.displacements()[p]))
     };
     for p in 0..layer.map.len() {
         let Some(a) = at(p) else { continue };
@@ -55,7 +95,7 @@ fn particles(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
 fn wireframe(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     let mesh = tissue.mesh();
     for f in mesh.live_faces() {
-        let corners = mesh.face(f).map(|v| tissue.position(v) + tissue.offset());
+        let corners = mesh.face(f).map(|v| tissue.to_model(tissue.position(v)));
         for k in 0..3 {
             let h = crate::geometry::HalfEdge::of(f, k);
             if mesh.opposite(h).is_none() || mesh.from(h) < mesh.to(h) {
@@ -65,29 +105,37 @@ fn wireframe(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     }
 }
 
+/// Each vertex in the mixture of its particles' colours: where one particle rules, its own colour, and grey in between.
 fn influences(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     let Some(layer) = tissue.layer() else { return };
     for v in tissue.mesh().live_vertices() {
-        for i in layer.map.influences.row(v.index()) {
-            let anchor = layer.map.anchors[i.particle.index()];
-            if anchor.is_some() && anchor != v {
-                let mut colour = INFLUENCE;
-                colour[3] *= i.weight;
-                lines.push(LineSegment::new(
-                    tissue.position(v) + tissue.offset(),
-                    tissue.position(anchor) + tissue.offset(),
-                    colour,
-                ));
+        let row = layer.map.influences.row(v.index());
+        if !row.is_empty() {
+            let mut colour = [0.0, 0.0, 0.0, 1.0];
+            for i in row {
+                let hue = particle_colour(i.particle.index());
+                (0..3).for_each(|c| colour[c] += i.weight * hue[c]);
             }
+            lines.push(LineSegment::point(tissue.to_model(tissue.position(v)), colour, 5.0));
         }
     }
+}
+
+/// Hues a golden angle apart, so that neighbours differ.
+fn particle_colour(particle: usize) -> [f32; 3] {
+    let hue = (particle as f64 * 0.618_033_988_749_895).fract();
+    let channel = |shift: f64| {
+        let x = ((hue + shift).fract() * 6.0 - 3.0).abs() - 1.0;
+        x.clamp(0.0, 1.0) as f32
+    };
+    [channel(0.0), channel(2.0 / 3.0), channel(1.0 / 3.0)]
 }
 
 fn sections(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     let mesh = tissue.mesh();
     for s in 0..mesh.sections() {
         let points =
-            mesh.section_faces(SectionId::new(s)).flat_map(|f| mesh.face(f)).map(|v| tissue.position(v) + tissue.offset());
+            mesh.section_faces(SectionId::new(s)).flat_map(|f| mesh.face(f)).map(|v| tissue.to_model(tissue.position(v)));
         let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)));
         if low.cmple(high).all() {
             let corner = |i: u32| DVec3::new(pick(i & 1, low.x, high.x), pick(i & 2, low.y, high.y), pick(i & 4, low.z, high.z));
@@ -106,7 +154,7 @@ fn pick(bit: u32, low: f64, high: f64) -> f64 {
 fn strips(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     let Some(layer) = tissue.layer() else { return };
     for strip in layer.strips.as_slice() {
-        let corners = strip.corners.map(|c| DVec3::from_array(c) + tissue.offset());
+        let corners = strip.corners.map(|c| tissue.to_model(DVec3::from_array(c)));
         for k in 0..4 {
             lines.push(LineSegment::new(corners[k], corners[(k + 1) % 4], STRIP));
         }

@@ -1,4 +1,10 @@
-//! Hosts own their loops: headless here; window and headset come beside it.
+//! Hosts own their loops: headless, a window; a headset comes beside them.
 
+#[cfg(feature = "desktop")]
+pub mod desktop;
 pub mod headless;
+mod instruments;
 mod layers;
+pub mod mirror;
+#[cfg(feature = "vr")]
+pub mod vr;

@@ -1,9 +1,10 @@
-//! What drives a scene: scripts (and, with their hosts, plain input frames and tools).
+//! What drives a scene: input frames as plain data, tools that turn gestures into commands, scripts.
 
 pub mod frame;
 pub mod player;
 pub mod script;
 mod script_text;
+pub mod tools;
 
 pub use frame::{CameraPose, InputFrame};
 pub use player::ScriptPlayer;

@@ -3,6 +3,7 @@
 use super::frame::{CameraPose, InputFrame};
 use super::script::{ActionKind, Motion, Script};
 use crate::geometry::Plane;
+use crate::physics::{RigidPose, RigidShape};
 use crate::scene::EditCommand;
 use glam::{DQuat, DVec3};
 
@@ -26,20 +27,8 @@ struct Progress {
 }
 
 impl ScriptPlayer {
-    /// A player with the scene's default tear `width` (metres) and a camera where the script names none. Actions of kinds
-    /// that this version does not carry out are passed over with a warning.
+    /// A player with the scene's default tear `width` (metres) and a camera where the script names none.
     pub fn new(script: Script, width: f64, default_camera: CameraPose) -> Self {
-        for action in &script.actions {
-            if matches!(action.kind, ActionKind::Poke { .. } | ActionKind::Squeeze { .. }) {
-                tracing::warn!(
-                    "line {}: poke and squeeze need contact, which this version does not have; passed over",
-                    action.line
-                );
-            }
-            if matches!(action.kind, ActionKind::Cut { cap: true, .. }) {
-                tracing::warn!("line {}: caps are not built yet; the pieces stay open (cap = false asks for that)", action.line);
-            }
-        }
         let camera = CameraPose {
             eye: script.camera.eye.unwrap_or(default_camera.eye),
             target: script.camera.target.unwrap_or(default_camera.target),
@@ -113,9 +102,13 @@ impl ScriptPlayer {
                     }
                 }
             }
-            ActionKind::Cut { plane, .. } => {
+            ActionKind::Cut { plane, cap, bounded } => {
                 let plane = Plane::Equation { normal: plane.normal, offset: plane.distance };
-                input.commands.push(EditCommand::Cut(plane));
+                input.commands.push(match &bounded[..] {
+                    [] if *cap => EditCommand::CutClosed(plane),
+                    [] => EditCommand::Cut(plane),
+                    corners => EditCommand::CutBounded { plane, corners: corners.to_vec() },
+                });
                 progress.ended = true;
             }
             ActionKind::Grab { center, radius, until, moves } => {
@@ -136,7 +129,17 @@ impl ScriptPlayer {
                 input.show.push((*layer, *on));
                 progress.ended = true;
             }
-            ActionKind::Poke { .. } | ActionKind::Squeeze { .. } => progress.ended = true,
+            ActionKind::Poke { radius, until, path } => {
+                let start = path.first().map_or(DVec3::ZERO, |m| m.to);
+                let places = [Motion::sample(path, start, local)];
+                progress.ended = collide(input, i, *radius, &places, now + 1e-9 >= *until);
+            }
+            ActionKind::Squeeze { a, b, radius, until } => {
+                let share = if *until > action.at { ((now - action.at) / (until - action.at)).clamp(0.0, 1.0) } else { 1.0 };
+                // Up to where the spheres touch each other.
+                let way = (b - a).normalize_or_zero() * (0.5 * (a.distance(*b) - 2.0 * radius)).max(0.0) * share;
+                progress.ended = collide(input, i, *radius, &[*a + way, *b - way], now + 1e-9 >= *until);
+            }
         }
     }
 
@@ -151,4 +154,17 @@ impl ScriptPlayer {
         let turn = DQuat::from_axis_angle(axis, self.script.camera.orbit * now);
         CameraPose { eye: self.camera.target + turn * (self.camera.eye - self.camera.target), ..self.camera }
     }
+}
+
+/// Rigid spheres of action `i` at `places`, or their end. Returns whether it is.
+fn collide(input: &mut InputFrame, i: usize, radius: f64, places: &[DVec3], ends: bool) -> bool {
+    for (k, place) in places.iter().enumerate() {
+        let id = (2 * i + k) as u32;
+        input.commands.push(if ends {
+            EditCommand::RemoveCollider { id }
+        } else {
+            EditCommand::PlaceCollider { id, shape: RigidShape::Sphere { radius }, pose: RigidPose::at(*place) }
+        });
+    }
+    ends
 }

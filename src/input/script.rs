@@ -159,6 +159,8 @@ pub enum ActionKind {
         plane: CutPlane,
         /// Whether the pieces are closed.
         cap: bool,
+        /// The polygon in the plane that the blade swept, three or four corners; empty for all of the plane.
+        bounded: Vec<DVec3>,
     },
     /// Particles inside a ball follow a hand.
     Grab {
@@ -222,6 +224,10 @@ pub enum Layer {
     Influences,
     /// Strips of earlier tears.
     Strips,
+    /// Edges of wounds and cuts.
+    Edges,
+    /// Error of the GPU's positions against the f64 reference.
+    Errors,
 }
 
 impl Default for Camera {

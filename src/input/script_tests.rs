@@ -90,6 +90,28 @@ layer = "wireframe"
 "#;
 
 #[test]
+fn a_bounded_cut_takes_three_or_four_points() {
+    let cut = |rest: &str| format!("model = \"beam\"\n[[action]]\nkind = \"cut\"\nat = 0.0\n{rest}\n");
+    let parsed = |rest: &str| Script::parse(&cut(rest), Path::new("s.toml"));
+    let quad = "points = [[0,0,0], [1,0,0], [1,0,1], [0,0.5,1]]";
+    let script = parsed(&format!("{quad}\nbounded = true")).unwrap();
+    let ActionKind::Cut { plane, cap, bounded } = &script.actions[0].kind else { panic!("a cut") };
+    assert!(!cap && bounded.len() == 4 && bounded.iter().all(|p| (plane.normal.dot(*p) - plane.distance).abs() < 1e-15));
+    let script = parsed("points = [[0,0,0], [1,0,0], [1,0,1]]\nbounded = false").unwrap();
+    assert!(matches!(&script.actions[0].kind, ActionKind::Cut { cap: true, bounded, .. } if bounded.is_empty()));
+    for (rest, words) in [
+        (quad.to_owned(), "three or four"),
+        ("plane = [0,1,0,0]\nbounded = true".to_owned(), "needs `points`"),
+        (format!("{quad}\nbounded = true\ncap = true"), "no caps"),
+        ("points = [[0,0,0], [1,0,1], [1,0,0], [0,0,1]]\nbounded = true".to_owned(), "convex"),
+        ("points = [[0,0,0], [1,0,1]]".to_owned(), "three finite points"),
+    ] {
+        let error = parsed(&rest).unwrap_err().to_string();
+        assert!(error.contains(words), "{rest}: {error}");
+    }
+}
+
+#[test]
 fn the_whole_format_parses() {
     let s = load(FULL);
     assert_eq!((s.model.as_deref(), s.animation.as_deref(), s.speed, s.seed), (Some("beam"), Some("bend"), 0.5, 7));
@@ -102,9 +124,9 @@ fn the_whole_format_parses() {
     assert_eq!(path.poses()[1], BladePose { t: 1.0, tip: DVec3::X * 0.1, base: DVec3::new(0.1, 0.2, 0.0) });
     assert_eq!(s.actions[1].end(), 1.5);
     let y = CutPlane { normal: DVec3::Y, distance: 0.5 };
-    assert_eq!(s.actions[2].kind, ActionKind::Cut { plane: y, cap: false });
+    assert_eq!(s.actions[2].kind, ActionKind::Cut { plane: y, cap: false, bounded: Vec::new() });
     let z = CutPlane { normal: DVec3::Z, distance: 1.0 };
-    assert_eq!(s.actions[3].kind, ActionKind::Cut { plane: z, cap: true }, "caps are the default");
+    assert_eq!(s.actions[3].kind, ActionKind::Cut { plane: z, cap: true, bounded: Vec::new() }, "caps are the default");
     let ActionKind::Grab { moves, .. } = &s.actions[4].kind else { panic!() };
     assert_eq!(Motion::sample(moves, DVec3::ZERO, 0.25), DVec3::Y * 0.5);
     assert_eq!(Motion::sample(moves, DVec3::ZERO, 9.0), DVec3::Y);

@@ -2,6 +2,8 @@
 //! line it is on.
 
 use super::script::{Action, ActionKind, Camera, CutPlane, Layer, Motion, ParticleOverrides, Script, ScriptError, TearOverrides};
+use crate::geometry::Plane;
+use crate::surgery::leaf::Leaf;
 use crate::surgery::{BladePath, BladePose, PathError, WallMode};
 use glam::DVec3;
 use serde::Deserialize;
@@ -86,7 +88,8 @@ struct RawAction {
     at: Number,
     poses: Option<Spanned<Vec<Spanned<RawPose>>>>,
     plane: Option<Spanned<[f64; 4]>>,
-    points: Option<Spanned<[[f64; 3]; 3]>>,
+    points: Option<Spanned<Vec<[f64; 3]>>>,
+    bounded: Option<Spanned<bool>>,
     cap: Option<Spanned<bool>>,
     center: Option<Point>,
     radius: Option<Number>,
@@ -267,6 +270,7 @@ impl RawAction {
             at("poses", &self.poses),
             at("plane", &self.plane),
             at("points", &self.points),
+            at("bounded", &self.bounded),
             at("cap", &self.cap),
             at("center", &self.center),
             at("radius", &self.radius),
@@ -291,7 +295,7 @@ impl Kind {
     fn keys(self) -> &'static [&'static str] {
         match self {
             Self::Tear => &["poses"],
-            Self::Cut => &["plane", "points", "cap"],
+            Self::Cut => &["plane", "points", "bounded", "cap"],
             Self::Grab => &["center", "radius", "until", "moves"],
             Self::Poke => &["radius", "until", "path"],
             Self::Squeeze => &["a", "b", "radius", "until"],
@@ -350,7 +354,7 @@ fn action(spanned: Spanned<RawAction>, line: usize) -> Checked<Action> {
     let context = Context { kind, at, span };
     let kind = match kind {
         Kind::Tear => ActionKind::Tear { path: blade_path(context.need("poses", raw.poses.as_ref())?)? },
-        Kind::Cut => ActionKind::Cut { plane: plane(&raw, &context)?, cap: raw.cap.is_none_or(Spanned::into_inner) },
+        Kind::Cut => cut(&raw, &context)?,
         Kind::Grab => ActionKind::Grab {
             center: context.point("center", raw.center.as_ref())?,
             radius: context.radius(&raw)?,
@@ -402,6 +406,28 @@ fn blade_path(raw: &Spanned<Vec<Spanned<RawPose>>>) -> Checked<BladePath> {
     })
 }
 
+fn cut(raw: &RawAction, context: &Context) -> Checked<ActionKind> {
+    let plane = plane(raw, context)?;
+    let Some(flag) = raw.bounded.as_ref().filter(|b| *b.get_ref()) else {
+        return Ok(ActionKind::Cut { plane, cap: raw.cap.as_ref().is_none_or(|c| *c.get_ref()), bounded: Vec::new() });
+    };
+    let Some(points) = &raw.points else {
+        return fault(flag.span(), "a bounded cut needs `points`: the corners of what the blade swept");
+    };
+    if let Some(cap) = raw.cap.as_ref().filter(|c| *c.get_ref()) {
+        return fault(cap.span(), "a bounded cut ends inside the model and gets no caps");
+    }
+    let onto = |p: &[f64; 3]| DVec3::from(*p) - plane.normal * (plane.normal.dot(DVec3::from(*p)) - plane.distance);
+    let bounded: Vec<DVec3> = points.get_ref().iter().map(onto).collect();
+    let whole = Plane::Equation { normal: plane.normal, offset: plane.distance };
+    match Leaf::in_plane(whole, &bounded) {
+        Some(_) => Ok(ActionKind::Cut { plane, cap: false, bounded }),
+        None => {
+            fault(points.span(), "the points of a bounded cut have to be the corners of a convex polygon, in order around it")
+        }
+    }
+}
+
 fn plane(raw: &RawAction, context: &Context) -> Checked<CutPlane> {
     match (&raw.plane, &raw.points) {
         (Some(plane), None) => {
@@ -409,8 +435,15 @@ fn plane(raw: &RawAction, context: &Context) -> Checked<CutPlane> {
             CutPlane::new(DVec3::new(x, y, z), d)
                 .map_or_else(|| fault(plane.span(), "a plane is [nx, ny, nz, d], finite, with a normal that is not zero"), Ok)
         }
-        (None, Some(points)) => CutPlane::through(points.get_ref().map(DVec3::from))
-            .map_or_else(|| fault(points.span(), "the three points of a plane have to be finite and not in line"), Ok),
+        (None, Some(points)) => {
+            let most = if raw.bounded.as_ref().is_some_and(|b| *b.get_ref()) { 4 } else { 3 };
+            let given = points.get_ref();
+            match given.first_chunk::<3>().filter(|_| given.len() <= most && given.iter().flatten().all(|x| x.abs() <= 1e12)) {
+                Some(first) => CutPlane::through(first.map(DVec3::from))
+                    .map_or_else(|| fault(points.span(), "the three points of a plane have to be finite and not in line"), Ok),
+                None => fault(points.span(), "a cut takes three finite points, or with `bounded = true` three or four"),
+            }
+        }
         (Some(_), Some(points)) => fault(points.span(), "a cut takes either `plane` or `points`, not both"),
         (None, None) => fault(context.span.clone(), "a cut needs `plane` or `points`"),
     }

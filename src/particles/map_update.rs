@@ -8,6 +8,7 @@ use super::build::{link_weight, normalise};
 use super::flood::Flood;
 use super::particle_map::{Influence, Link, ParticleMap};
 use super::settings::ParticleSettings;
+use super::strip_test::StripGeometry;
 use super::strips::Strips;
 use super::work_rows::WorkRows;
 use super::wound;
@@ -86,8 +87,34 @@ pub struct UpdateScratch {
     work: Vec<VertexId>,
     weighted: Vec<(f64, ParticleId)>,
     links: Vec<Link>,
+    /// Outcodes of the particles' anchors to one strip; 0 for those that are not near.
+    codes: Vec<u16>,
+    /// The last visit of [`Update::regain`] that looked at each particle, and the number of visits.
+    tried: Vec<u32>,
+    visits: u32,
     /// Particles whose links are to be found: new and re-anchored ones.
     unlinked: Vec<ParticleId>,
+    /// Rows that the update rewrote, as they were: vertex and range of `old_entries`.
+    old_rows: Vec<(VertexId, Range<usize>)>,
+    old_entries: Vec<Influence>,
+}
+
+impl UpdateScratch {
+    /// The number of the next visit; never one that `tried` holds.
+    fn visit(&mut self) -> u32 {
+        if self.visits == u32::MAX {
+            self.tried.fill(0);
+            self.visits = 0;
+        }
+        self.visits += 1;
+        self.visits
+    }
+
+    /// The influences that the last update replaced: each vertex of [`MapUpdateReport::vertices_changed`] once, with its row
+    /// as it was.
+    pub fn rows_before(&self) -> impl Iterator<Item = (VertexId, &[Influence])> + '_ {
+        self.old_rows.iter().map(|(v, range)| (*v, &self.old_entries[range.clone()]))
+    }
 }
 
 /// Mends `map` and `strips` after an edit of `mesh`. `rest` has a position for every vertex slot, removed ones included.
@@ -101,6 +128,8 @@ pub fn update_after_edit(
     settings: &ParticleSettings,
     scratch: &mut UpdateScratch,
 ) -> MapUpdateReport {
+    scratch.old_rows.clear();
+    scratch.old_entries.clear();
     let mut update = Update { mesh, rest, map, strips, edit, settings, scratch, report: MapUpdateReport::default() };
     update.mark_lips();
     if update.find_zone() {
@@ -209,19 +238,29 @@ impl Update<'_, '_> {
         (bounds.0.cmple(bounds.1).all()).then_some(bounds)
     }
 
-    /// Influences of old vertices that cross a new strip.
+    /// Influences of old vertices that cross a new strip. Most are settled by the ends' outcodes alone.
     fn cut_influences(&mut self) {
-        let new_strips = self.edit.new_strips.start.min(self.strips.len())..self.edit.new_strips.end.min(self.strips.len());
         let s = &mut *self.scratch;
         for &v in &s.zone {
             if self.map.influences.row(v.index()).is_empty() {
                 s.rows.open(v, self.map); // nobody holds it: see adopt_orphans
             }
-            for influence in self.map.influences.row(v.index()) {
-                let anchor = self.map.anchors[influence.particle.index()];
-                if self.strips.crosses_any(new_strips.clone(), self.rest, v, anchor) {
-                    s.rows.open(v, self.map).remove(influence.particle);
-                    self.report.influences_removed += 1;
+        }
+        for k in self.edit.new_strips.start.min(self.strips.len())..self.edit.new_strips.end.min(self.strips.len()) {
+            s.codes.clear();
+            s.codes.resize(self.map.len(), 0);
+            for &j in &s.near {
+                s.codes[j.index()] = self.strips.outcode(k, self.rest, self.map.anchors[j.index()]);
+            }
+            for &v in &s.zone {
+                let code = self.strips.outcode(k, self.rest, v);
+                for influence in self.map.influences.row(v.index()) {
+                    let j = influence.particle;
+                    if !StripGeometry::codes_part(code, s.codes[j.index()])
+                        && self.strips.crosses(k, self.rest, v, self.map.anchors[j.index()])
+                    {
+                        self.report.influences_removed += usize::from(s.rows.open(v, self.map).remove(j));
+                    }
                 }
             }
         }
@@ -259,7 +298,13 @@ impl Update<'_, '_> {
 
     /// True if no strip near the wound lies between two vertices.
     fn connects(&self, a: VertexId, b: VertexId) -> bool {
-        !self.scratch.near_strips.iter().any(|&k| self.strips.crosses(k as usize, self.rest, a, b))
+        let (p, q) = (self.rest[a.index()], self.rest[b.index()]);
+        let (lips_a, lips_b) = (self.strips.lip_sides(a), self.strips.lip_sides(b));
+        // a known side may stand against geometry, and holds for the strips next to its own too
+        let may_know = |k: u32| lips_a.iter().chain(lips_b).any(|l| l.strip.abs_diff(k) <= 1);
+        let by_side = |k: u32| self.strips.crosses(k as usize, self.rest, a, b);
+        let by_place = |k: u32| self.strips.geometry(k as usize).crosses(p, q);
+        !self.scratch.near_strips.iter().any(|&k| if may_know(k) { by_side(k) } else { by_place(k) })
     }
 
     /// Particles whose anchor was clipped take the nearest vertex that they still hold, if it is near, on their side of
@@ -310,17 +355,29 @@ impl Update<'_, '_> {
     /// and those that no parent had.
     fn regain(&mut self) {
         let limit = self.settings.max_influences;
+        if self.scratch.tried.len() < self.map.len() {
+            self.scratch.tried.resize(self.map.len(), 0);
+        }
         self.scratch.rows.list(&mut self.scratch.work);
         let mut next = 0;
         while next < self.scratch.work.len() {
             let v = self.scratch.work[next];
             next += 1;
             let mut gained = false;
+            let visit = self.scratch.visit();
             for n in self.mesh.neighbours(v) {
-                for i in 0.. {
-                    let Some(j) = self.scratch.rows.particle(n, i, self.map) else { break };
-                    let has_room = self.scratch.rows.open(v, self.map).len() < limit;
-                    if has_room && !self.scratch.rows.holds(v, j, self.map) && self.may_link(v, j) {
+                if self.scratch.rows.open(v, self.map).len() >= limit {
+                    break;
+                }
+                let mut i = 0;
+                while let Some(j) = self.scratch.rows.particle(n, i, self.map) {
+                    i += 1;
+                    // what one neighbour has, the others mostly have too
+                    if std::mem::replace(&mut self.scratch.tried[j.index()], visit) == visit {
+                        continue;
+                    }
+                    let row = self.scratch.rows.open(v, self.map);
+                    if row.len() < limit && !row.holds(j) && self.may_link(v, j) {
                         self.scratch.rows.open(v, self.map).add(j);
                         gained = true;
                     }
@@ -410,23 +467,19 @@ impl Update<'_, '_> {
         }
     }
 
+    /// A new particle is joined to those that hold its anchor: near, on its sheet, and on its side of every strip.
     fn find_neighbours(&mut self, j: ParticleId, anchor: VertexId) {
         let delta = self.settings.neighbours;
         let mean = self.map.mean_link_length(self.rest).unwrap_or(0.6 * delta);
-        self.scratch.flood.ball(self.mesh, self.rest, anchor, delta);
-        let mut open = Vec::new();
-        for i in 0..self.scratch.near.len() {
-            let k = self.scratch.near[i];
+        let mut i = 0;
+        while let Some(k) = self.scratch.rows.particle(anchor, i, self.map) {
+            i += 1;
             let other = self.map.anchors[k.index()];
-            let distance = self.rest[other.index()].distance(self.rest[anchor.index()]);
-            let is_new = k != j && distance < delta && !self.map.neighbours.row(j.index()).iter().any(|l| l.particle == k);
-            if is_new && self.connects(anchor, other) {
-                open.push((k, other, distance, self.scratch.flood.has_reached(other)));
+            if k == j || other.is_none() || self.map.neighbours.row(j.index()).iter().any(|l| l.particle == k) {
+                continue;
             }
-        }
-        for (k, other, distance, reached) in open {
-            // The rule is met by a path near either end.
-            if reached || self.scratch.flood.ball(self.mesh, self.rest, other, delta).contains(&anchor) {
+            let distance = self.rest[other.index()].distance(self.rest[anchor.index()]);
+            if distance < delta && self.connects(anchor, other) {
                 let weight = link_weight(distance, mean);
                 self.insert_link(j, Link { particle: k, weight });
                 self.insert_link(k, Link { particle: j, weight });
@@ -483,8 +536,7 @@ impl Update<'_, '_> {
     fn write_rows(&mut self) {
         for &v in self.edit.removed_vertices.iter().filter(|&&v| !self.mesh.vertex_is_live(v)) {
             if !self.map.influences.row(v.index()).is_empty() {
-                self.map.influences.set_row(v.index(), &[]);
-                self.report.vertices_changed.push(v);
+                self.replace_row(v, &[]);
             }
         }
         let limit = self.settings.max_influences + EXTRA_INFLUENCES;
@@ -515,10 +567,19 @@ impl Update<'_, '_> {
             }
             self.scratch.weighted = weighted;
             if self.map.influences.row(v.index()) != row.as_slice() {
-                self.map.influences.set_row(v.index(), &row);
-                self.report.vertices_changed.push(v);
+                self.replace_row(v, &row);
             }
         }
+    }
+
+    /// Writes a row and keeps what it was.
+    fn replace_row(&mut self, v: VertexId, row: &[Influence]) {
+        let s = &mut *self.scratch;
+        let start = s.old_entries.len();
+        s.old_entries.extend_from_slice(self.map.influences.row(v.index()));
+        s.old_rows.push((v, start..s.old_entries.len()));
+        self.map.influences.set_row(v.index(), row);
+        self.report.vertices_changed.push(v);
     }
 
     fn finish(mut self) -> MapUpdateReport {

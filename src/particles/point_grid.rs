@@ -37,11 +37,16 @@ impl PointGrid {
         for p in points.filter(|p| p.is_finite()) {
             (low, high) = (low.min(p), high.max(p));
         }
-        let extent = if low.x <= high.x { high - low } else { DVec3::ZERO };
+        if low.x <= high.x { Self::between(low, high, reach) } else { Self::between(DVec3::ZERO, DVec3::ZERO, reach) }
+    }
+
+    /// An empty grid over a box, with cells of about `reach`.
+    pub fn between(low: DVec3, high: DVec3, reach: f64) -> Self {
+        let extent = high - low;
         let cell = reach.max(extent.max_element() / MAX_SIDE).max(f64::MIN_POSITIVE);
         let sides = [extent.x, extent.y, extent.z].map(|e| ((e / cell) as usize).min(MAX_SIDE as usize) + 1);
         Self {
-            origin: if low.x <= high.x { low } else { DVec3::ZERO },
+            origin: low,
             inverse_cell: 1.0 / cell,
             sides,
             heads: vec![u32::MAX; sides[0] * sides[1] * sides[2]],

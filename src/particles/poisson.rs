@@ -14,7 +14,7 @@ use super::point_grid::PointGrid;
 use super::random::draw;
 use super::settings::spacing_for_count;
 use crate::geometry::{Mesh, VertexId};
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::collections::VecDeque;
 
 /// A sample whose rim may still hold candidates.
@@ -28,14 +28,25 @@ struct Disk {
     end: u32,
 }
 
+/// A vertex as the marking sees it: place and mark in one sixteen-byte read.
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C, align(16))]
+struct Spot {
+    /// Relative to the middle of the model, rounded: decides all but the closest calls.
+    at: Vec3,
+    /// Odd: covered, by sample `(mark - 1) / 2` counted from 1. Even: open, last seen from the rim of sample `mark / 2`.
+    mark: u32,
+}
+
 /// Scratch of [`sample_with`].
 #[derive(Clone, Debug, Default)]
 pub struct PoissonScratch {
-    /// Odd: covered, by sample `(mark - 1) / 2` counted from 1. Even: open, last seen from the rim of sample `mark / 2`.
-    marks: Vec<u32>,
+    spots: Vec<Spot>,
     faces: FaceQueue,
     disks: VecDeque<Disk>,
+    /// Longer than its content, which is `rims_len`.
     rims: Vec<VertexId>,
+    rims_len: usize,
     /// Samples by place.
     grid: PointGrid,
     near: Vec<VertexId>,
@@ -64,13 +75,19 @@ pub fn sample_with(
     if spacing.is_nan() || spacing < 0.0 || vertices == 0 {
         return;
     }
-    scratch.marks.clear();
-    scratch.marks.resize(vertices, 0);
+    let (low, high) = bounds(&rest[..vertices]);
+    let middle = 0.5 * (low + high);
+    scratch.spots.clear();
+    scratch.spots.extend(rest[..vertices].iter().map(|p| Spot { at: (p - middle).as_vec3(), mark: 0 }));
+    // What rounding may make of a squared distance near the limit: each place is off by half a unit in its last digit.
+    let doubt = 4.0 * f64::from(f32::EPSILON) * ((high - low).length() * spacing + spacing * spacing);
     scratch.disks.clear();
-    scratch.rims.clear();
-    scratch.grid = PointGrid::over(rest[..vertices].iter().copied(), spacing);
+    scratch.rims_len = 0;
+    scratch.grid = PointGrid::between(low, high, spacing);
     let first = (draw(seed, 0) % vertices as u64) as usize;
-    let mut sampler = Sampler { mesh, rest, spacing, limit: spacing * spacing, scratch, samples };
+    let limit = spacing * spacing;
+    let (sure, possible) = ((limit - doubt) as f32, (limit + doubt) as f32);
+    let mut sampler = Sampler { mesh, rest, spacing, limit, sure, possible, scratch, samples };
     for start in (first..vertices).chain(0..first).map(VertexId::new) {
         if sampler.is_open(start) && mesh.vertex_is_live(start) {
             // Every component starts here, and so does a pocket that no rim saw.
@@ -86,46 +103,57 @@ struct Sampler<'a> {
     rest: &'a [DVec3],
     spacing: f64,
     limit: f64,
+    /// Rounded squared distances below this are below the limit, those above `possible` are not.
+    sure: f32,
+    possible: f32,
     scratch: &'a mut PoissonScratch,
     samples: &'a mut Vec<VertexId>,
 }
 
 impl Sampler<'_> {
     fn is_open(&self, v: VertexId) -> bool {
-        self.scratch.marks[v.index()] & 1 == 0
+        self.scratch.spots[v.index()].mark & 1 == 0
     }
 
     /// Fills the rims of all disks, oldest first; each pick lies as near as it may to the pick before it.
     fn advance(&mut self) {
-        while let Some(disk) = self.scratch.disks.pop_front() {
+        while let Some(mut disk) = self.scratch.disks.pop_front() {
             let mut last = disk.from;
-            while let Some(candidate) = self.nearest_open(disk, last) {
+            while let Some(candidate) = self.nearest_open(&mut disk, last) {
                 if self.take(candidate, disk.centre) {
                     last = candidate;
                 }
             }
         }
-        self.scratch.rims.clear();
+        self.scratch.rims_len = 0;
     }
 
-    fn nearest_open(&self, disk: Disk, last: VertexId) -> Option<VertexId> {
-        let mut best = None;
-        let mut least = f64::INFINITY;
-        for &v in &self.scratch.rims[disk.start as usize..disk.end as usize] {
-            if self.is_open(v) {
-                let distance = (self.rest[v.index()] - self.rest[last.index()]).length_squared();
+    /// The open vertex of a disk's rim that is nearest to `last`, the first among equals. Drops covered ones from the rim.
+    fn nearest_open(&mut self, disk: &mut Disk, last: VertexId) -> Option<VertexId> {
+        let PoissonScratch { spots, rims, .. } = &mut *self.scratch;
+        let from = spots[last.index()].at;
+        let rim = &mut rims[disk.start as usize..disk.end as usize];
+        let (mut kept, mut best, mut least) = (0, None, f32::INFINITY);
+        for k in 0..rim.len() {
+            let v = rim[k];
+            let Spot { at, mark } = spots[v.index()];
+            rim[kept] = v;
+            if mark & 1 == 0 {
+                kept += 1;
+                let distance = (at - from).length_squared();
                 if distance < least || best.is_none() {
                     (best, least) = (Some(v), distance);
                 }
             }
         }
+        disk.end = disk.start + kept as u32;
         best
     }
 
     /// Makes an open vertex a sample unless one conflicts with it.
     fn take(&mut self, candidate: VertexId, from: VertexId) -> bool {
         if self.conflicts(candidate) {
-            self.scratch.marks[candidate.index()] = 1;
+            self.scratch.spots[candidate.index()].mark = 1;
             return false;
         }
         self.scratch.grid.insert(self.samples.len() as u32, self.rest[candidate.index()]);
@@ -159,26 +187,37 @@ impl Sampler<'_> {
     fn cover(&mut self, sample: VertexId, from: VertexId) {
         let number = self.samples.len() as u32;
         let (seen, covered) = (2 * number, 2 * number + 1);
-        let (rest, limit, centre) = (self.rest, self.limit, self.rest[sample.index()]);
-        let PoissonScratch { marks, faces, rims, disks, .. } = &mut *self.scratch;
-        let start = rims.len();
-        marks[sample.index()] = covered;
+        let (rest, limit, sure, possible) = (self.rest, self.limit, self.sure, self.possible);
+        let in_doubt = |distance: f32| distance <= possible || distance.is_nan();
+        let PoissonScratch { spots, faces, rims, rims_len, disks, .. } = &mut *self.scratch;
+        let start = *rims_len;
+        let (centre, exact_centre) = (spots[sample.index()].at, rest[sample.index()]);
+        spots[sample.index()].mark = covered;
         faces.spread(self.mesh, [sample], |v| {
-            let mark = &mut marks[v.index()];
-            if *mark & 1 == 0 && *mark != seen {
-                if (rest[v.index()] - centre).length_squared() < limit {
-                    *mark = covered;
-                } else {
-                    *mark = seen;
-                    rims.push(v);
+            let spot = &mut spots[v.index()];
+            if spot.mark & 1 == 0 && spot.mark != seen {
+                let distance = (spot.at - centre).length_squared();
+                let near = distance < sure || (in_doubt(distance) && (rest[v.index()] - exact_centre).length_squared() < limit);
+                spot.mark = if near { covered } else { seen };
+                if *rims_len == rims.len() {
+                    rims.resize(2 * rims.len() + 256, VertexId::NONE);
                 }
+                rims[*rims_len] = v;
+                *rims_len += usize::from(!near);
             }
-            *mark == covered
+            spot.mark == covered
         });
-        if rims.len() > start {
-            disks.push_back(Disk { centre: sample, from, start: start as u32, end: rims.len() as u32 });
+        if *rims_len > start {
+            disks.push_back(Disk { centre: sample, from, start: start as u32, end: *rims_len as u32 });
         }
     }
+}
+
+/// The box around all finite points; empty (infinite the wrong way round) without any.
+fn bounds(points: &[DVec3]) -> (DVec3, DVec3) {
+    let finite = points.iter().filter(|p| p.is_finite());
+    let (low, high) = finite.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+    if low.x <= high.x { (low, high) } else { (DVec3::ZERO, DVec3::ZERO) }
 }
 
 /// Samples about `wanted` vertices: searches the spacing (metres), which it returns with the samples. The count is within

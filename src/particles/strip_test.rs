@@ -10,6 +10,8 @@ pub struct StripGeometry {
     pub triangles: [[DVec3; 3]; 2],
     /// Cross product of each triangle's edges: twice its area long, towards side +1.
     normals: [DVec3; 2],
+    /// The same, of unit length; zero for a triangle without area.
+    units: [DVec3; 2],
     /// Bounds of both triangles.
     pub low: DVec3,
     /// Bounds of both triangles.
@@ -49,7 +51,8 @@ impl StripGeometry {
         let corners = [tip0, tip1, base1, base0];
         let low = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
         let high = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
-        Self { triangles, normals, low, high, margin: 0.25 * d }
+        let units = normals.map(DVec3::normalize_or_zero);
+        Self { triangles, normals, units, low, high, margin: 0.25 * d }
     }
 
     /// Unit normal towards side +1, zero for a strip without area.
@@ -62,8 +65,29 @@ impl StripGeometry {
         !self.is_beside(a, b, 0.0) && (0..2).any(|t| self.triangle_crosses(t, a, b))
     }
 
+    /// What a point lies beyond, a bit each: the six sides of the bounds, then the two sides of each triangle's plane by more
+    /// than rounding. See [`StripGeometry::codes_part`].
+    pub fn outcode(&self, p: DVec3) -> u16 {
+        let (below, above) = (p.cmplt(self.low).bitmask() as u16, p.cmpgt(self.high).bitmask() as u16);
+        let mut code = below | above << 3;
+        for (t, (n, [q, ..])) in self.normals.iter().zip(&self.triangles).enumerate() {
+            let d = p - *q;
+            let (height, bound) = (n.dot(d), 1e-13 * n.abs().element_sum() * d.abs().element_sum());
+            code |= (u16::from(height > bound) | u16::from(height < -bound) << 1) << (6 + 2 * t);
+        }
+        code
+    }
+
+    /// True if the outcodes of two points without known sides show that the link between them does not cross: both beyond one
+    /// side of the bounds, or on one side of both planes.
+    #[inline]
+    pub fn codes_part(a: u16, b: u16) -> bool {
+        let both = a & b;
+        both & 0o77 != 0 || (both & 0o300 != 0 && both & 0o1400 != 0)
+    }
+
     /// True if the bounds of a link and of the strip are more than `margin` apart.
-    fn is_beside(&self, a: DVec3, b: DVec3, margin: f64) -> bool {
+    pub fn is_beside(&self, a: DVec3, b: DVec3, margin: f64) -> bool {
         a.max(b).cmplt(self.low - margin).any() || a.min(b).cmpgt(self.high + margin).any()
     }
 
@@ -85,11 +109,16 @@ impl StripGeometry {
         if !known.own && self.is_beside(lip, x, self.margin) {
             return false;
         }
+        // where the lip lies on its known side, geometry needs no help
+        let plain = [0, 1].map(|t| self.side(t, lip) == known.side && self.height(t, lip) != 0.0);
+        if plain == [true; 2] {
+            return (0..2).any(|t| self.triangle_crosses(t, lip, x));
+        }
         let squared = self.triangles.map(|t| distance_squared_to_triangle(lip, t));
         let nearest = usize::from(squared[1] < squared[0]);
         let own_height = self.height(nearest, lip).abs();
         (0..2).any(|t| {
-            if self.side(t, lip) == known.side && self.height(t, lip) != 0.0 {
+            if plain[t] {
                 return self.triangle_crosses(t, lip, x);
             }
             if known.own && t == nearest {
@@ -101,7 +130,7 @@ impl StripGeometry {
             }
             // The lip's mirror image is on the known side, and the segment from there ends at x: the line through the lip
             // itself goes on for ever, and met strips far from either end.
-            let mirrored = lip - self.normals[t].normalize_or_zero() * (2.0 * self.height(t, lip));
+            let mirrored = lip - self.units[t] * (2.0 * self.height(t, lip));
             self.side(t, x) != known.side && line_meets(self.triangles[t], mirrored, x)
         })
     }
@@ -114,7 +143,7 @@ impl StripGeometry {
 
     /// Distance to the plane of a triangle, signed; 0 for a triangle without area.
     fn height(&self, t: usize, x: DVec3) -> f64 {
-        self.normals[t].normalize_or_zero().dot(x - self.triangles[t][0])
+        self.units[t].dot(x - self.triangles[t][0])
     }
 
     fn triangle_crosses(&self, t: usize, a: DVec3, b: DVec3) -> bool {

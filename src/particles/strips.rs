@@ -221,9 +221,17 @@ impl Strips {
         range.into_iter().any(|k| self.crosses(k, rest, a, b))
     }
 
+    /// [`StripGeometry::outcode`] of a vertex; 0, which parts it from nothing, where its side of strip `k` is known.
+    pub(super) fn outcode(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
+        if self.known_side(k, v).is_some() { 0 } else { self.geometry[k].outcode(rest[v.index()]) }
+    }
+
     /// Side of strip `k` that `v` is known to be on, from the strip itself or from a neighbour in its slit.
     fn known_side(&self, k: usize, v: VertexId) -> Option<KnownSide> {
         let sides = self.lip_sides(v);
+        if sides.is_empty() {
+            return None;
+        }
         let own = sides.iter().find(|l| l.strip as usize == k);
         let found = own.or_else(|| {
             sides.iter().find(|l| {

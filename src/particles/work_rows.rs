@@ -29,13 +29,18 @@ impl WorkRow {
         }
     }
 
-    /// Removes a particle if it is there.
-    pub fn remove(&mut self, j: ParticleId) {
+    /// Removes a particle; false if it is not there.
+    pub fn remove(&mut self, j: ParticleId) -> bool {
         let len = usize::from(self.len);
-        if let Some(at) = self.particles[..len].iter().position(|&p| p == j) {
-            self.particles.copy_within(at + 1..len, at);
-            self.len -= 1;
-        }
+        let Some(at) = self.particles[..len].iter().position(|&p| p == j) else { return false };
+        self.particles.copy_within(at + 1..len, at);
+        self.len -= 1;
+        true
+    }
+
+    /// True if the particle is there.
+    pub fn holds(&self, j: ParticleId) -> bool {
+        self.particles[..usize::from(self.len)].contains(&j)
     }
 
     /// Number of particles.

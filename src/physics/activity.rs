@@ -41,6 +41,16 @@ impl Activity {
         self.stamp = 0;
     }
 
+    /// Makes room for rows that were appended; who is awake stays.
+    pub fn grow(&mut self, rows: usize) {
+        for list in [&mut self.disturbed, &mut self.restless, &mut self.awake, &mut self.lone, &mut self.queue, &mut self.dropped]
+        {
+            list.reserve(rows.saturating_sub(list.len()));
+        }
+        self.ranges.reserve((rows / 2 + 1).saturating_sub(self.ranges.len()));
+        self.stamps.resize(rows.max(self.stamps.len()), 0);
+    }
+
     /// True if the next step has nothing to do.
     pub fn asleep(&self) -> bool {
         self.disturbed.is_empty() && self.restless.is_empty()

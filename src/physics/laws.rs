@@ -348,6 +348,22 @@ fn sleep_costs_nothing_and_ends_at_any_touch() {
     assert!(!network.awake());
 }
 
+#[test]
+fn a_component_that_nothing_drives_ends_at_zero_and_not_in_denormals() {
+    let topology = small();
+    let mut network = Network::new(&topology, settings_for(&topology, 7.0, 0.3), 1e-30).unwrap();
+    random_state(&mut network, 1.0, false, 4);
+    let mut scratch = StepScratch::default();
+    for frame in 0..3000 {
+        let push = if frame % 64 < 32 { 1.0 } else { -1.0 };
+        network.set_force(ParticleId(9), DVec3::new(push, 0.0, 0.0));
+        network.step(FRAME, &mut scratch);
+    }
+    let sizes = |k: usize| network.displacements().iter().map(move |u| u[k].abs());
+    assert!(sizes(0).all(|x| x > 1e-30), "what is driven goes on");
+    assert!(sizes(1).all(|y| y == 0.0 || y > 1e-200), "{:e}", sizes(1).fold(1.0, f64::min));
+}
+
 /// Ten minutes at 60 Hz of a beating rest displacement and a poke a second: the last beat is the tenth beat.
 #[test]
 fn ten_minutes_do_not_drift() {

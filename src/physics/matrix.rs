@@ -33,6 +33,19 @@ pub fn add_scaled(x: &Lanes, a: f64, y: &Lanes) -> Lanes {
     std::array::from_fn(|k| x[k] + a * y[k])
 }
 
+/// `x + a y`, rounded once. For the inner loops only: they are compiled with the instruction where there is one (everywhere
+/// since 2013), and with or without it the bits are the same.
+#[inline(always)]
+pub fn fused(x: &Lanes, a: f64, y: &Lanes) -> Lanes {
+    std::array::from_fn(|k| a.mul_add(y[k], x[k]))
+}
+
+/// `a x + b y`, the sum rounded once.
+#[inline(always)]
+pub fn fused_blend(a: f64, x: &Lanes, b: f64, y: &Lanes) -> Lanes {
+    std::array::from_fn(|k| a.mul_add(x[k], b * y[k]))
+}
+
 /// `x - y`.
 #[inline(always)]
 pub fn minus(x: &Lanes, y: &Lanes) -> Lanes {
@@ -72,6 +85,10 @@ pub struct Matrix {
     rate: f64,
     /// Gershgorin's upper end of the spectrum, 1/s^2.
     high: f64,
+    /// Largest `g_i S_i`; `None` while it is to be found anew.
+    reach: Option<f64>,
+    /// Blocks that no row uses any more.
+    holes: usize,
 }
 
 impl Matrix {
@@ -81,6 +98,7 @@ impl Matrix {
         self.heads.clear();
         self.blocks.clear();
         self.entries = 2 * topology.springs();
+        self.holes = 0;
         for (row, particle) in order.iter().enumerate() {
             let start = self.blocks.len() as u32;
             let (columns, weights) = topology.row(*particle as usize);
@@ -108,7 +126,85 @@ impl Matrix {
             head.diagonal = 1.0 + head.gain * sum;
             reach = reach.max(head.gain * sum);
         }
+        self.reach = Some(reach);
         self.high = rate * (1.0 + 2.0 * reach);
+    }
+
+    /// Appends a row without springs.
+    pub fn push_lone_row(&mut self, coupling: f64, mass: f64) {
+        let end = self.blocks.len() as u32;
+        self.heads.push(Head { start: end, end, diagonal: 1.0, gain: coupling / mass });
+    }
+
+    /// Rewrites the springs (`(column, spring)`) of one row, in place where they fit. To be closed by [`Self::settle_rows`].
+    pub fn replace_row(&mut self, row: usize, springs: &[(u32, f32)], coupling: f64, mass: f64) {
+        let head = &mut self.heads[row];
+        let (had, needs) = ((head.end - head.start) as usize, springs.len().div_ceil(BLOCK));
+        let before: usize = self.blocks[head.start as usize..head.end as usize]
+            .iter()
+            .map(|b| b.springs.iter().filter(|s| **s != 0.0).count())
+            .sum();
+        self.entries = self.entries + springs.len() - before;
+        if needs > had {
+            head.start = self.blocks.len() as u32;
+            self.blocks.resize(self.blocks.len() + needs, Block::default());
+            self.holes += had;
+        } else {
+            self.holes += had - needs;
+        }
+        head.end = head.start + needs as u32;
+        for (block, springs) in self.blocks[head.start as usize..head.end as usize].iter_mut().zip(springs.chunks(BLOCK)) {
+            *block = Block { columns: [row as u32; BLOCK], springs: [0.0; BLOCK] };
+            for (k, (column, spring)) in springs.iter().enumerate() {
+                (block.columns[k], block.springs[k]) = (*column, *spring);
+            }
+        }
+        let was = head.diagonal - 1.0;
+        let sum: f64 = springs.iter().map(|s| f64::from(s.1)).sum();
+        head.gain = coupling / mass;
+        head.diagonal = 1.0 + head.gain * sum;
+        let now = head.diagonal - 1.0;
+        self.reach = match self.reach {
+            Some(reach) if now >= reach => Some(now),
+            // the row that set the bound may have lost springs; rounding makes `was` fall a little short of it
+            Some(reach) if was < reach * (1.0 - 1e-12) => Some(reach),
+            _ => None,
+        };
+    }
+
+    /// Brings the spectrum's bound up to date after [`Self::replace_row`], and closes holes once they are half of all blocks.
+    pub fn settle_rows(&mut self) {
+        let reach = self.reach.unwrap_or_else(|| self.heads.iter().map(|h| h.diagonal - 1.0).fold(0.0, f64::max));
+        self.reach = Some(reach);
+        self.high = self.rate * (1.0 + 2.0 * reach);
+        if 2 * self.holes > self.blocks.len() {
+            let old = std::mem::take(&mut self.blocks);
+            for head in &mut self.heads {
+                let kept = &old[head.start as usize..head.end as usize];
+                head.start = self.blocks.len() as u32;
+                self.blocks.extend_from_slice(kept);
+                head.end = self.blocks.len() as u32;
+            }
+            self.holes = 0;
+        }
+    }
+
+    /// Two rows trade places; their neighbours' rows name them anew. The matrix must be symmetric.
+    pub fn swap_rows(&mut self, a: usize, b: usize) {
+        let mut namers: Vec<u32> = self.neighbours(a).chain(self.neighbours(b)).chain([a as u32, b as u32]).collect();
+        namers.sort_unstable();
+        namers.dedup();
+        for namer in namers {
+            let head = self.heads[namer as usize];
+            for column in self.blocks[head.start as usize..head.end as usize].iter_mut().flat_map(|block| &mut block.columns) {
+                if *column == a as u32 {
+                    *column = b as u32;
+                } else if *column == b as u32 {
+                    *column = a as u32;
+                }
+            }
+        }
+        self.heads.swap(a, b);
     }
 
     /// Both ends of the spectrum of `A`, 1/s^2 (Gershgorin).
@@ -169,16 +265,16 @@ impl Matrix {
             for block in self.blocks(head) {
                 let [a, b, c, d] = block.columns.map(|column| &newer[column as usize]);
                 let [p, q, r, s] = block.springs.map(|spring| spring as f64);
-                first.0 = add_scaled(&add_scaled(&first.0, p, &a.first), r, &c.first);
-                first.1 = add_scaled(&add_scaled(&first.1, q, &b.first), s, &d.first);
-                second.0 = add_scaled(&add_scaled(&second.0, p, &a.second), r, &c.second);
-                second.1 = add_scaled(&add_scaled(&second.1, q, &b.second), s, &d.second);
+                first.0 = fused(&fused(&first.0, p, &a.first), r, &c.first);
+                first.1 = fused(&fused(&first.1, q, &b.first), s, &d.first);
+                second.0 = fused(&fused(&second.0, p, &a.second), r, &c.second);
+                second.1 = fused(&fused(&second.1, q, &b.second), s, &d.second);
             }
             let (diagonal, gain) = (twice * head.diagonal - shift, -twice * head.gain);
-            let sum = (add_scaled(&first.0, 1.0, &first.1), add_scaled(&second.0, 1.0, &second.1));
+            let sum = (fused(&first.0, 1.0, &first.1), fused(&second.0, 1.0, &second.1));
             let term = term(row);
-            let first = add_scaled(&blend(diagonal, &own.first, gain, &sum.0), 1.0, &term.first);
-            let second = add_scaled(&blend(diagonal, &own.second, gain, &sum.1), 1.0, &term.second);
+            let first = fused(&fused_blend(diagonal, &own.first, gain, &sum.0), 1.0, &term.first);
+            let second = fused(&fused_blend(diagonal, &own.second, gain, &sum.1), 1.0, &term.second);
             result.first = minus(&first, &result.first);
             result.second = minus(&second, &result.second);
         }

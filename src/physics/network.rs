@@ -164,13 +164,31 @@ impl Network {
         for grab in &self.grabs {
             self.held[grab.row as usize] = true;
         }
-        self.activity.reset(n);
+        self.reset_activity();
+    }
+
+    /// Makes room in the lists of rows, so that a step allocates nothing.
+    pub(super) fn reserve_lists(&mut self, n: usize) {
+        self.moved.reserve(n.saturating_sub(self.moved.len()));
+        self.grabs.reserve(n.saturating_sub(self.grabs.len()));
+        self.released.reserve(n.saturating_sub(self.released.len()));
+    }
+
+    /// Forgets who is awake but for what is prescribed.
+    fn reset_activity(&mut self) {
+        self.activity.reset(self.order.len());
         for k in 0..self.moved.len() {
             self.activity.disturb(self.moved[k]);
         }
         for k in 0..self.grabs.len() {
             self.activity.disturb(self.grabs[k].row);
         }
+    }
+
+    /// After rows have traded places: wakes what is prescribed or away from rest.
+    pub(super) fn restart_activity(&mut self) {
+        self.reset_activity();
+        self.disturb_unrested();
     }
 
     fn refresh_stiffness(&mut self) {
@@ -180,9 +198,13 @@ impl Network {
     /// Wakes the rows that are away from rest: after a change of what pulls at them.
     fn disturb_unrested(&mut self) {
         for row in 0..self.e.len() {
-            if self.e[row] != [0.0; 4] || self.v[row] != [0.0; 4] || self.force[row] != [0.0; 4] {
-                self.activity.disturb(row as u32);
-            }
+            self.disturb_if_unrested(row);
+        }
+    }
+
+    pub(super) fn disturb_if_unrested(&mut self, row: usize) {
+        if self.e[row] != [0.0; 4] || self.v[row] != [0.0; 4] || self.force[row] != [0.0; 4] {
+            self.activity.disturb(row as u32);
         }
     }
 
@@ -302,6 +324,16 @@ impl Network {
             }
         }
         self.released.clear();
+    }
+
+    /// What holds a particle where it is: the force (N) that a hand must exert on it against springs, damping at `velocity`
+    /// (m/s) and external force, its inertia left out; and the stiffness (N/m) that it meets there, all others held.
+    pub fn holding(&self, particle: ParticleId, velocity: DVec3) -> (DVec3, f64) {
+        let Some(row) = self.row_of.get(particle.0 as usize).map(|row| *row as usize) else { return (DVec3::ZERO, 0.0) };
+        let mass = self.masses[row];
+        let pull = unpadded(&self.matrix.apply_row(row, &self.e));
+        let force = mass * (pull + self.settings.damping_rate() * velocity) - unpadded(&self.force[row]);
+        (force, mass * self.matrix.diagonal(row))
     }
 
     /// True if a particle is held.

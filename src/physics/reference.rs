@@ -52,6 +52,31 @@ pub fn benchmark_network(particles: usize, springs: usize) -> (Vec<[f64; 3]>, Ne
     (points.clone(), NetworkTopology::from_pairs(particles, weighted))
 }
 
+/// A network as text: the number of particles, then a line `a b weight` for each spring.
+pub fn network_text(topology: &NetworkTopology) -> String {
+    let mut text = format!("{}\n", topology.particles());
+    for a in 0..topology.particles() {
+        let (columns, weights) = topology.row(a);
+        let mut row: Vec<(u32, f32)> =
+            columns.iter().copied().zip(weights.iter().copied()).filter(|(b, _)| *b as usize > a).collect();
+        row.sort_unstable_by_key(|(b, _)| *b);
+        row.iter().for_each(|(b, weight)| text += &format!("{a} {b} {weight}\n"));
+    }
+    text
+}
+
+/// Reads [`network_text`]; `None` if it is none.
+pub fn parse_network(text: &str) -> Option<NetworkTopology> {
+    let mut lines = text.lines();
+    let particles: usize = lines.next()?.trim().parse().ok()?;
+    let spring = |line: &str| {
+        let mut words = line.split_whitespace();
+        Some((words.next()?.parse().ok()?, words.next()?.parse().ok()?, words.next()?.parse().ok()?))
+    };
+    let springs: Vec<(u32, u32, f32)> = lines.map(spring).collect::<Option<_>>()?;
+    Some(NetworkTopology::from_pairs(particles, springs.into_iter()))
+}
+
 /// All pairs closer than `reach`, found through points sorted by z.
 fn close_pairs(points: &[[f64; 3]], reach: f64) -> Vec<(u32, u32, f64)> {
     let mut by_z: Vec<u32> = (0..points.len() as u32).collect();
@@ -83,6 +108,9 @@ pub enum Integrator {
     ImplicitEuler,
     /// Crank-Nicolson, solved to convergence.
     CrankNicolson,
+    /// Extended position-based dynamics with one iteration a (small) step (Macklin et al. 2019): every spring a compliant
+    /// constraint, solved one after the other.
+    Xpbd,
 }
 
 /// The same equation in the plainest form: dense state, per-particle loops.
@@ -155,6 +183,7 @@ impl ReferenceNetwork {
             }
             Integrator::ImplicitEuler => self.implicit(h, 1.0),
             Integrator::CrankNicolson => self.implicit(h, 0.5),
+            Integrator::Xpbd => self.xpbd(h),
         }
     }
 
@@ -173,6 +202,39 @@ impl ReferenceNetwork {
         let next_u = (0..u.len()).map(|p| blend(&u[p], [&v[p], &v2[p], &v3[p], &v4[p]])).collect();
         let next_v = (0..u.len()).map(|p| blend(&v[p], [&a1[p], &a2[p], &a3[p], &a4[p]])).collect();
         (self.u, self.v) = (next_u, next_v);
+    }
+
+    fn xpbd(&mut self, h: f64) {
+        let (before, left) = (self.u.clone(), (-self.settings.damping_rate() * h).exp());
+        for p in (0..self.u.len()).filter(|p| !self.held[*p]) {
+            (0..3).for_each(|k| self.v[p][k] = left * self.v[p][k] + h * self.forces[p][k] / self.masses[p]);
+        }
+        self.u = add(&before, &self.v, h);
+        let weight = |p: usize| if self.held[p] { 0.0 } else { 1.0 / self.masses[p] };
+        let rate = self.settings.anchor_rate();
+        for p in 0..self.u.len() {
+            // The anchor: stiffness `m rate`, and each neighbour once.
+            let own = 1.0 / (rate * self.masses[p] * h * h);
+            for k in 0..3 {
+                let away = self.u[p][k] - self.rest[p][k];
+                self.u[p][k] -= weight(p) * away / (weight(p) + own);
+            }
+            let (columns, weights) = self.topology.row(p);
+            for (other, spring) in columns.iter().zip(weights).filter(|(other, _)| **other as usize > p) {
+                let q = *other as usize;
+                let stiffness = rate * self.settings.coupling * f64::from(*spring) * 0.5 * (self.masses[p] + self.masses[q]);
+                let compliance = 1.0 / (stiffness * h * h);
+                for k in 0..3 {
+                    let apart = self.u[p][k] - self.rest[p][k] - self.u[q][k] + self.rest[q][k];
+                    let lambda = -apart / (weight(p) + weight(q) + compliance);
+                    self.u[p][k] += weight(p) * lambda;
+                    self.u[q][k] -= weight(q) * lambda;
+                }
+            }
+        }
+        for p in (0..self.u.len()).filter(|p| !self.held[*p]) {
+            (0..3).for_each(|k| self.v[p][k] = (self.u[p][k] - before[p][k]) / h);
+        }
     }
 
     /// The theta scheme; its linear system by plain fixed-point sweeps (Gauss-Seidel) until nothing moves.
@@ -244,6 +306,26 @@ mod tests {
         assert!((0..20_000).all(|p| large.row(p).0.len() >= 6));
     }
 
+    const FIXED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/network-200.txt");
+
+    /// Writes the fixed benchmark network: `cargo test -- --ignored write_benchmark_network`.
+    #[test]
+    #[ignore = "writes benches/network-200.txt"]
+    fn write_benchmark_network() {
+        std::fs::write(FIXED, network_text(&benchmark_network(200, 1256).1)).unwrap();
+    }
+
+    #[test]
+    fn the_fixed_network_is_the_generated_one() {
+        let text = std::fs::read_to_string(FIXED).unwrap();
+        let fixed = parse_network(&text).unwrap();
+        fixed.validate().unwrap();
+        assert_eq!((fixed.particles(), fixed.springs()), (200, 1256));
+        assert_eq!(text, network_text(&benchmark_network(200, 1256).1));
+        assert_ne!(text, network_text(&benchmark_network(200, 1255).1));
+        assert!(parse_network("").is_none() && parse_network("3\n0 x 1\n").is_none());
+    }
+
     #[test]
     fn integrators_converge_at_their_order() {
         let (_, topology) = benchmark_network(20, 50);
@@ -262,6 +344,7 @@ mod tests {
             (Integrator::SymplecticEuler, 1.0),
             (Integrator::ImplicitEuler, 1.0),
             (Integrator::CrankNicolson, 2.0),
+            (Integrator::Xpbd, 1.0),
         ] {
             let (a, b) = (max_difference(&run(integrator, 20), &exact), max_difference(&run(integrator, 40), &exact));
             let measured = (a / b).log2();

@@ -36,11 +36,11 @@ impl Default for NetworkSettings {
 
 impl NetworkSettings {
     /// Gives far and swings: skin over fat.
-    pub const SOFT: Self = Self { frequency_hz: 3.0, damping_ratio: 0.35, coupling: 0.8 };
+    pub const SOFT: Self = Self { frequency_hz: 3.0, damping_ratio: 0.5, coupling: 2.0 };
     /// Gives little and settles at once: liver, muscle.
-    pub const FIRM: Self = Self { frequency_hz: 7.0, damping_ratio: 0.6, coupling: 0.5 };
+    pub const FIRM: Self = Self { frequency_hz: 8.0, damping_ratio: 0.8, coupling: 1.0 };
     /// Creeps back without a swing: foam, lung.
-    pub const SPONGE: Self = Self { frequency_hz: 2.0, damping_ratio: 2.0, coupling: 0.3 };
+    pub const SPONGE: Self = Self { frequency_hz: 2.0, damping_ratio: 1.5, coupling: 0.3 };
 
     /// A preset by name: `soft`, `firm` or `sponge`.
     pub fn preset(name: &str) -> Option<Self> {

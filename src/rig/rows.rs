@@ -108,6 +108,28 @@ impl VertexRows {
         vertex
     }
 
+    /// How many base vertices a combination of `parents` leans on.
+    pub fn merged_len(&self, parents: &[(VertexId, f64)]) -> usize {
+        let mut bases: Vec<VertexId> = Vec::new();
+        for &(parent, _) in parents {
+            let row = self.rows.row(parent.index());
+            bases.extend(row.iter().map(|e| e.base));
+            bases.extend(row.is_empty().then_some(parent));
+        }
+        bases.sort_unstable();
+        bases.dedup();
+        bases.len()
+    }
+
+    /// Appends a base vertex: a corner inside the volume, or a vertex whose row has grown too long (MATHS 1.4).
+    pub fn push_base(&mut self, rest: [f32; 3], bones: &[BoneWeight]) -> VertexId {
+        let vertex = VertexId::new(self.rest_position.len());
+        self.rest_position.push(rest);
+        self.rows.push_row(&[]);
+        self.bones.push_row(bones);
+        vertex
+    }
+
     /// Checks every row: sorted base parents, weights that sum to 1 to 1e-12, bones with weights that sum to 1 to 1e-4.
     pub fn validate(&self) -> Result<(), String> {
         if self.rows.rows() != self.len() || self.bones.rows() != self.len() {

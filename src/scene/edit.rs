@@ -3,8 +3,10 @@
 use super::history::{Change, Unit};
 use super::report::{EditReport, Outcome, PieceReport};
 use super::{Scene, TissueId};
-use crate::geometry::{FaceId, Plane, VertexId};
+use crate::geometry::{FaceId, HalfEdge, Plane, VertexId};
+use crate::physics::{RigidPose, RigidShape};
 use crate::surgery::BladePose;
+use crate::surgery::cap::CapOutcome;
 use crate::tissue::stroke::TearStroke;
 use crate::tissue::{Tissue, TissueDelta};
 use glam::DVec3;
@@ -15,7 +17,7 @@ use std::sync::Arc;
 pub enum EditCommand {
     /// Takes up the scalpel: a tear of `width` metres begins.
     StrokeBegin {
-        /// Metres, above 0.
+        /// Metres; 0 is a slit that takes nothing out.
         width: f64,
     },
     /// The scalpel is here.
@@ -24,6 +26,15 @@ pub enum EditCommand {
     StrokeEnd,
     /// Cuts everything along a plane.
     Cut(Plane),
+    /// Cuts everything along a plane into closed pieces: each closed loop of the cut gets a cap on both sides.
+    CutClosed(Plane),
+    /// Cuts everything along the part of a plane that the blade swept.
+    CutBounded {
+        /// The plane.
+        plane: Plane,
+        /// A convex triangle or quadrangle in it: the blade's tip before and after, then its other end after and before.
+        corners: Vec<DVec3>,
+    },
     /// Takes back the newest unit.
     Undo,
     /// Does it again.
@@ -51,12 +62,27 @@ pub enum EditCommand {
         /// Which grab.
         id: u32,
     },
+    /// Puts a rigid body (an instrument, a hand) into the scene, or moves it: over the next step it goes from where it is to
+    /// `pose` and pushes what is in its way (MATHS 4.4).
+    PlaceCollider {
+        /// Names it until it is removed.
+        id: u32,
+        /// Another shape under the same id is a new body.
+        shape: RigidShape,
+        /// Model space.
+        pose: RigidPose,
+    },
+    /// Takes it away.
+    RemoveCollider {
+        /// Which one.
+        id: u32,
+    },
 }
 
 /// A tissue before a stroke: for its report, and to tell new components from old ones.
 pub(super) struct Before {
-    area: f64,
-    volume: f64,
+    pub(super) area: f64,
+    pub(super) volume: f64,
     component_of_origin: Vec<u32>,
 }
 
@@ -69,7 +95,7 @@ pub(super) struct StrokeOf {
 }
 
 /// Adds what a tissue changed to `deltas`, and tells those who keep a mirror.
-fn note_delta(
+pub(super) fn note_delta(
     changes: &mut Option<Vec<(TissueId, Arc<TissueDelta>)>>,
     id: TissueId,
     delta: TissueDelta,
@@ -89,20 +115,32 @@ impl Scene {
     /// redo, a reset. Those four end a stroke that is in progress, so that history stays a sequence.
     pub fn edit(&mut self, command: EditCommand) -> Vec<EditReport> {
         let mut reports = Vec::new();
-        if matches!(command, EditCommand::Cut(_) | EditCommand::Undo | EditCommand::Redo | EditCommand::Reset) {
+        if matches!(
+            command,
+            EditCommand::Cut(_)
+                | EditCommand::CutClosed(_)
+                | EditCommand::CutBounded { .. }
+                | EditCommand::Undo
+                | EditCommand::Redo
+                | EditCommand::Reset
+        ) {
             reports.extend(self.end_stroke());
         }
         match command {
             EditCommand::StrokeBegin { width } => self.begin_stroke(width),
             EditCommand::StrokePose(pose) => self.stroke_pose(pose),
             EditCommand::StrokeEnd => reports.extend(self.end_stroke()),
-            EditCommand::Cut(plane) => reports.push(self.cut(&plane)),
+            EditCommand::Cut(plane) => reports.push(self.cut(&plane, false)),
+            EditCommand::CutClosed(plane) => reports.push(self.cut(&plane, true)),
+            EditCommand::CutBounded { plane, corners } => reports.push(self.cut_bounded(&plane, &corners)),
             EditCommand::Undo => reports.push(self.step_history("undo", Outcome::Undone, Self::undo)),
             EditCommand::Redo => reports.push(self.step_history("redo", Outcome::Redone, Self::redo)),
             EditCommand::Reset => reports.push(self.step_history("reset", Outcome::Reset, Self::reset)),
             EditCommand::GrabBegin { id, center, radius } => self.begin_grab(id, center, radius),
             EditCommand::GrabMove { id, by } => self.move_grab(id, by),
             EditCommand::GrabEnd { id } => self.end_grab(id),
+            EditCommand::PlaceCollider { id, shape, pose } => self.place_collider(id, shape, pose),
+            EditCommand::RemoveCollider { id } => self.remove_collider(id),
         }
         reports
     }
@@ -112,7 +150,7 @@ impl Scene {
         for tissue in self.tissues.values() {
             let measured = tissue.measure_all();
             report.area_before += measured.area;
-            report.volume_before += measured.volume_about(-tissue.offset());
+            report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
         }
         let travelled = self.history.travelled_bytes;
         if report.stages.time(kind, || step(self)) {
@@ -128,8 +166,9 @@ impl Scene {
             return;
         }
         self.last_boxes.clear();
+        self.last_slits.clear();
         for (&id, tissue) in &self.tissues {
-            let stroke = TearStroke::new(tissue, width, self.sampling(tissue));
+            let stroke = TearStroke::new(tissue, width, self.sampling(tissue)).walled(self.wall);
             self.strokes.push(StrokeOf { id, stroke, before: Before::of(tissue), deltas: Vec::new() });
         }
     }
@@ -137,8 +176,8 @@ impl Scene {
     fn stroke_pose(&mut self, pose: BladePose) {
         for StrokeOf { id, stroke, deltas, .. } in &mut self.strokes {
             if let Some(tissue) = self.tissues.get_mut(id) {
-                let offset = tissue.offset();
-                stroke.push(tissue, BladePose { tip: pose.tip - offset, base: pose.base - offset, ..pose });
+                let (tip, base) = (tissue.to_tissue(pose.tip), tissue.to_tissue(pose.base));
+                stroke.push(tissue, BladePose { tip, base, ..pose });
                 for delta in stroke.take_deltas().into_iter().chain([tissue.take_delta()]) {
                     note_delta(&mut self.changes, *id, delta, deltas);
                 }
@@ -159,7 +198,8 @@ impl Scene {
             report.area_before += before.area;
             report.volume_before += before.volume;
             add_segments(&mut report, &stroke);
-            self.last_boxes.extend(stroke.boxes().iter().map(|b| b.translated(tissue.offset())));
+            self.last_boxes.extend(stroke.boxes().iter().map(|b| b.carried(|p| tissue.to_model(p))));
+            self.last_slits.extend(stroke.slits().iter().map(|s| s.carried(|p| tissue.to_model(p))));
             for delta in stroke.take_deltas().into_iter().chain([tissue.take_delta()]) {
                 note_delta(&mut self.changes, id, delta, &mut deltas);
             }
@@ -182,18 +222,25 @@ impl Scene {
         Some(report)
     }
 
-    /// Cuts every tissue along `plane` (model space).
-    fn cut(&mut self, plane: &Plane) -> EditReport {
+    /// Cuts every tissue along `plane` (model space); with `closed`, pieces get caps.
+    fn cut(&mut self, plane: &Plane, closed: bool) -> EditReport {
         let mut report = EditReport { kind: "cut", max_plane_distance: Some(0.0), ..EditReport::default() };
         let mut unit = Unit::default();
         let mut sides = Vec::new();
         for id in self.tissues.keys().copied().collect::<Vec<_>>() {
             let Some(tissue) = self.tissues.get_mut(&id) else { continue };
-            let local = shifted(plane, tissue.offset());
+            let local = in_frame(plane, &tissue.frame());
             let measured = tissue.measure_all();
             report.area_before += measured.area;
-            report.volume_before += measured.volume_about(-tissue.offset());
-            let outcome = tissue.cut(&local, &mut self.cut_scratch, &mut report.stages);
+            report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
+            let promoted = tissue.promoted_vertices();
+            let (outcome, caps) = if closed {
+                tissue.cut_closed(&local, &mut self.cut_scratch, &mut report.stages)
+            } else {
+                (tissue.cut(&local, &mut self.cut_scratch.split, &mut report.stages), CapOutcome::default())
+            };
+            report.promoted_vertices += tissue.promoted_vertices() - promoted;
+            report.caps.add(&caps);
             report.faces_visited += outcome.faces_visited;
             if outcome.missed() {
                 sides.push((id, tissue.side_of(&local)));
@@ -204,7 +251,9 @@ impl Scene {
             report.intersection_points += outcome.intersection_points;
             let off = outcome.new_vertices.iter().map(|n| local.distance(tissue.position(n.vertex)).abs());
             report.max_plane_distance = Some(off.fold(report.max_plane_distance.unwrap_or(0.0), f64::max));
-            let mut components = report.stages.time("components", || tissue.component_faces());
+            let rim = self.cut_scratch.split.rim();
+            let mut components =
+                report.stages.time("components", || with_cavities(tissue, &local, rim, tissue.component_faces()));
             let largest = (0..components.len()).max_by_key(|&c| (components[c].len(), std::cmp::Reverse(c)));
             components.remove(largest.unwrap_or(0));
             let made = self.separate(id, components, Vec::new(), &mut unit, &mut report);
@@ -220,7 +269,7 @@ impl Scene {
     }
 
     /// Moves sets of faces of a tissue into tissues of their own; notes everything in `unit`. Returns the new ids.
-    fn separate(
+    pub(super) fn separate(
         &mut self,
         id: TissueId,
         parts: Vec<Vec<FaceId>>,
@@ -251,12 +300,13 @@ impl Scene {
             unit.changes.push(Change::Made(new, None));
             made.push(new);
         }
+        self.pieces_came_off(id, &made);
         debug_assert!(self.validate().is_ok(), "{:?}", self.validate());
         made
     }
 
     /// Totals over all tissues, and the pieces in CONTRACT's order. `sides` lists tissues with their sides; empty: all.
-    fn finish_report(&self, report: &mut EditReport, sides: Vec<(TissueId, i8)>) {
+    pub(super) fn finish_report(&self, report: &mut EditReport, sides: Vec<(TissueId, i8)>) {
         let sides = if sides.is_empty() { self.tissues.keys().map(|&id| (id, 0)).collect() } else { sides };
         report.vertices = self.tissues.values().map(|t| t.mesh().live_vertices().count()).sum();
         report.faces = self.tissues.values().map(|t| t.mesh().face_count()).sum();
@@ -270,6 +320,30 @@ impl Scene {
     }
 }
 
+/// Leaves cavities that the plane did not reach with the piece around them: a component without rim whose faces point inward
+/// (its volume is negative) joins the largest component that the cut made on its side. All others stay pieces of their own.
+fn with_cavities(tissue: &Tissue, plane: &Plane, rim: &[[HalfEdge; 2]], mut components: Vec<Vec<FaceId>>) -> Vec<Vec<FaceId>> {
+    // the cut left at least one component on each side
+    if components.len() < 3 {
+        return components;
+    }
+    let holds = |faces: &[FaceId], side: usize| rim.iter().any(|edge| faces.binary_search(&edge[side].face()).is_ok());
+    let cut_side: Vec<Option<usize>> = components.iter().map(|faces| (0..2).find(|&side| holds(faces, side))).collect();
+    for c in (0..components.len()).rev().filter(|&c| cut_side[c].is_none()) {
+        let faces = &components[c];
+        let side = usize::from(plane.distance(tissue.position(tissue.mesh().face(faces[0])[0])) < 0.0);
+        let around = (0..components.len()).filter(|&k| cut_side[k] == Some(side)).max_by_key(|&k| components[k].len());
+        let measured = tissue.measure(faces.iter().copied());
+        if let Some(around) = around.filter(|_| measured.closed() && measured.volume < 0.0) {
+            let cavity = std::mem::take(&mut components[c]);
+            components[around].extend(cavity);
+            components[around].sort_unstable();
+        }
+    }
+    components.retain(|faces| !faces.is_empty());
+    components
+}
+
 fn piece_report(id: TissueId, tissue: &Tissue, side: i8) -> PieceReport {
     let m = tissue.measure_all();
     let origins = tissue.mesh().live_faces().map(|f| tissue.mesh().face_info(f).origin);
@@ -277,7 +351,7 @@ fn piece_report(id: TissueId, tissue: &Tissue, side: i8) -> PieceReport {
         tissue: id,
         faces: m.faces,
         area: m.area,
-        volume: m.volume_about(-tissue.offset()),
+        volume: m.volume_about(tissue.to_tissue(DVec3::ZERO)),
         closed: m.closed(),
         boundary_edges: m.boundary_edges,
         non_manifold_edges: m.non_manifold_edges,
@@ -293,21 +367,31 @@ fn add_segments(report: &mut EditReport, stroke: &TearStroke) {
         report.intersection_points += segment.intersection_points;
         report.faces_visited += segment.faces_visited;
         report.area_removed += segment.area_removed;
+        report.promoted_vertices += segment.promoted_vertices;
+        report.wall_faces += segment.wall_faces;
+        report.unclosed_edges += segment.unclosed_edges;
+        report.wall_deviation = report.wall_deviation.max(segment.wall_deviation);
+        if segment.smallest_angle > 0.0 || segment.new_vertices > 0 {
+            let known = report.smallest_angle.unwrap_or(f64::INFINITY);
+            report.smallest_angle = Some(known.min(segment.smallest_angle)).filter(|a| a.is_finite());
+        }
         report.stages.merge(&segment.stages);
         report.segments.push(segment.clone());
     }
 }
 
 /// A plane of model space in tissue space.
-fn shifted(plane: &Plane, offset: DVec3) -> Plane {
+pub(super) fn in_frame(plane: &Plane, frame: &RigidPose) -> Plane {
     match *plane {
-        Plane::Points(points) => Plane::Points(points.map(|p| p - offset)),
-        Plane::Equation { normal, offset: d } => Plane::Equation { normal, offset: d - normal.dot(offset) },
+        Plane::Points(points) => Plane::Points(points.map(|p| frame.point_in(p))),
+        Plane::Equation { normal, offset: d } => {
+            Plane::Equation { normal: frame.direction_in(normal), offset: d - normal.dot(frame.translation) }
+        }
     }
 }
 
 impl Before {
-    fn of(tissue: &Tissue) -> Self {
+    pub(super) fn of(tissue: &Tissue) -> Self {
         let m = tissue.measure_all();
         let faces = tissue.component_faces();
         let mut component_of_origin = Vec::new();
@@ -322,14 +406,16 @@ impl Before {
                 }
             }
         }
-        Self { area: m.area, volume: m.volume_about(-tissue.offset()), component_of_origin }
+        Self { area: m.area, volume: m.volume_about(tissue.to_tissue(DVec3::ZERO)), component_of_origin }
     }
 
     /// Components that the stroke split off: of each component there was, all parts but the largest.
-    fn new_components(&self, tissue: &Tissue) -> Vec<Vec<FaceId>> {
+    pub(super) fn new_components(&self, tissue: &Tissue) -> Vec<Vec<FaceId>> {
         let now = tissue.component_faces();
         let old = |faces: &[FaceId]| {
-            let origin = tissue.mesh().face_info(faces[0]).origin as usize;
+            // walls have no origin: any face of the model will do
+            let origins = faces.iter().map(|&f| tissue.mesh().face_info(f).origin);
+            let origin = origins.into_iter().find(|&o| o != u32::MAX).unwrap_or(u32::MAX) as usize;
             self.component_of_origin.get(origin).copied().unwrap_or(u32::MAX)
         };
         let mut largest: std::collections::BTreeMap<u32, usize> = std::collections::BTreeMap::new();

@@ -4,12 +4,15 @@ use super::{Scene, TissueId};
 use crate::geometry::ParticleId;
 use glam::DVec3;
 
+/// A particle, its displacement and its place (model space) when it was taken hold of.
+type Held = (ParticleId, DVec3, DVec3);
+
 /// A hand that holds particles.
 #[derive(Clone, Debug)]
 pub(super) struct Grab {
     id: u32,
     by: DVec3,
-    held: Vec<(TissueId, Vec<(ParticleId, DVec3)>)>,
+    held: Vec<(TissueId, Vec<Held>)>,
 }
 
 impl Scene {
@@ -19,14 +22,14 @@ impl Scene {
         let mut held = Vec::new();
         for (&tissue_id, tissue) in &self.tissues {
             let Some(layer) = tissue.layer() else { continue };
-            let center = center - tissue.offset();
+            let center = tissue.to_tissue(center);
             let particles: Vec<_> = (0..layer.map.len())
                 .map(ParticleId::new)
                 .filter(|p| {
                     let anchor = layer.map.anchors[p.index()];
                     anchor.is_some() && tissue.position(anchor).distance(center) <= radius
                 })
-                .map(|p| (p, layer.displacements()[p.index()]))
+                .map(|p| (p, layer.displacements()[p.index()], tissue.particle_in_model(p)))
                 .collect();
             if !particles.is_empty() {
                 held.push((tissue_id, particles));
@@ -53,8 +56,11 @@ impl Scene {
         for (id, tissue) in &mut self.tissues {
             let held = self.grabs.iter().flat_map(|g| {
                 let by = g.by;
-                g.held.iter().filter(|h| h.0 == *id).flat_map(move |h| h.1.iter().map(move |&(p, u)| (p, u + by)))
+                g.held.iter().filter(|h| h.0 == *id).flat_map(move |h| h.1.iter().map(move |&(p, u, at)| (p, u + by, at + by)))
             });
+            // A fixed tissue's particles keep their offset from the moving anchors; a loose piece's stay in the hand.
+            let loose = self.rigid.body_of(*id).is_some();
+            let held = held.map(|(p, u, at)| (p, if loose { tissue.displacement_to(p, at) } else { u }));
             let mut held: Vec<(ParticleId, DVec3)> = held.collect();
             held.sort_by_key(|h| h.0);
             held.dedup_by_key(|h| h.0);

@@ -81,6 +81,7 @@ impl Scene {
     fn travel(&mut self, unit: Unit) -> Unit {
         let mut inverse = Unit::default();
         let mut bytes = 0;
+        let (mut gone, mut back) = (Vec::new(), Vec::new());
         for change in unit.changes.into_iter().rev() {
             inverse.changes.push(match change {
                 Change::Edited(id, deltas) => {
@@ -94,12 +95,18 @@ impl Scene {
                 Change::Made(id, Some(tissue)) => {
                     bytes += tissue.full_upload_bytes();
                     self.tissues.insert(id, *tissue);
+                    back.push(id);
                     Change::Made(id, None)
                 }
-                Change::Made(id, None) => Change::Made(id, self.tissues.remove(&id).map(Box::new)),
+                Change::Made(id, None) => {
+                    gone.push(id);
+                    Change::Made(id, self.tissues.remove(&id).map(Box::new))
+                }
             });
         }
         self.history.travelled_bytes += bytes;
+        gone.into_iter().for_each(|id| self.piece_went_back(id));
+        self.pieces_came_back(&back);
         inverse
     }
 }

@@ -1,16 +1,19 @@
 //! The scene: tissues by id, the edits of a user, what they did, and the way back (MATHS 7).
 
+mod bounded_cut;
 mod edit;
 mod grab;
 mod history;
 pub mod report;
+mod rigid;
 
 pub use edit::EditCommand;
 pub use report::{EditReport, Outcome, PieceReport};
+pub use rigid::{ColliderView, Fixed, PieceSettings};
 
 use crate::geometry::StateHash;
-use crate::surgery::plane_cut::PlaneCutScratch;
-use crate::surgery::{Sampling, TearBox};
+use crate::surgery::{Sampling, Slit, TearBox, WallMode};
+use crate::tissue::edit::CutScratch;
 use crate::tissue::{Tissue, TissueDelta};
 use grab::Grab;
 use history::History;
@@ -32,34 +35,41 @@ pub struct SceneSettings {
     pub sample_time: Option<f64>,
 }
 
-/// Tissues and their history. Positions are in model space: tissue space plus the tissue's offset.
+/// Tissues and their history. Positions are in model space, where each tissue stands by its frame.
 pub struct Scene {
     tissues: BTreeMap<TissueId, Tissue>,
     next_id: u32,
     history: History,
     strokes: Vec<edit::StrokeOf>,
+    wall: WallMode,
     changes: Option<Vec<(TissueId, Arc<TissueDelta>)>>,
     last_boxes: Vec<TearBox>,
+    last_slits: Vec<Slit>,
     grabs: Vec<Grab>,
     settings: SceneSettings,
-    cut_scratch: PlaneCutScratch,
+    cut_scratch: CutScratch,
     animation: Option<usize>,
+    rigid: rigid::Rigid,
 }
 
 impl Scene {
     /// A scene with one tissue.
     pub fn new(tissue: Tissue, settings: SceneSettings) -> Self {
+        let rigid = rigid::Rigid::new(&tissue);
         Self {
             tissues: BTreeMap::from([(TissueId(0), tissue)]),
             next_id: 1,
             history: History::default(),
             strokes: Vec::new(),
+            wall: WallMode::Open,
             changes: None,
             last_boxes: Vec::new(),
+            last_slits: Vec::new(),
             grabs: Vec::new(),
             settings,
-            cut_scratch: PlaneCutScratch::default(),
+            cut_scratch: CutScratch::default(),
             animation: None,
+            rigid,
         }
     }
 
@@ -98,6 +108,16 @@ impl Scene {
         &self.last_boxes
     }
 
+    /// What lines the strokes from now on. A width of 0 has no walls.
+    pub fn set_wall(&mut self, wall: WallMode) {
+        self.wall = wall;
+    }
+
+    /// Strips of the last stroke of width 0, model space, in the order they were opened.
+    pub fn last_tear_slits(&self) -> &[Slit] {
+        &self.last_slits
+    }
+
     /// The animation to play, by index into the rig; `None` rests.
     pub fn set_animation(&mut self, animation: Option<usize>) {
         self.animation = animation;
@@ -112,17 +132,10 @@ impl Scene {
         }
     }
 
-    /// Advances the soft layers by `step_s` seconds.
-    pub fn step(&mut self, step_s: f64) {
-        self.move_grabs();
-        for tissue in self.tissues.values_mut() {
-            tissue.step(step_s);
-        }
-    }
-
     /// True if nothing moves but, maybe, the pose.
     pub fn is_asleep(&self) -> bool {
-        self.strokes.is_empty() && self.grabs.is_empty() && self.tissues.values().all(Tissue::is_asleep)
+        let tools_rest = self.strokes.is_empty() && self.grabs.is_empty();
+        tools_rest && self.rigid_rests() && self.tissues.values().all(Tissue::is_asleep)
     }
 
     /// Hash of everything that edits change, over all tissues; undo restores it exactly.

@@ -2,6 +2,7 @@
 
 use super::TissueId;
 use crate::diagnostics::Stages;
+use crate::surgery::cap::CapOutcome;
 use crate::tissue::stroke::SegmentReport;
 
 /// How an edit ended.
@@ -64,6 +65,25 @@ pub struct PieceReport {
     pub lowest_origin: u32,
 }
 
+/// Caps of a cut, both sides together.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CapReport {
+    /// Loops that were closed.
+    pub loops: usize,
+    /// Faces put in.
+    pub faces: usize,
+    /// Edges of the cut that belong to no closed loop, because the model is open there; they stay open.
+    pub unclosed_edges: usize,
+}
+
+impl CapReport {
+    pub(super) fn add(&mut self, caps: &CapOutcome) {
+        self.loops += caps.loops;
+        self.faces += caps.added_faces.len();
+        self.unclosed_edges += caps.unclosed_edges;
+    }
+}
+
 /// What an edit did.
 #[derive(Clone, Debug, Default)]
 pub struct EditReport {
@@ -89,6 +109,16 @@ pub struct EditReport {
     pub volume_before: f64,
     /// Square metres that tears took out.
     pub area_removed: f64,
+    /// Faces of walls and floors that closed tears put in.
+    pub wall_faces: usize,
+    /// Edges of a closed tear's rim that got no wall, because the model is open there.
+    pub unclosed_edges: usize,
+    /// How far the rest position and bones of a wall's corner miss its place in the pose, metres (MATHS 1.4).
+    pub wall_deviation: f64,
+    /// Smallest angle of the faces that tears put in, radians.
+    pub smallest_angle: Option<f64>,
+    /// What closed the pieces of a cut.
+    pub caps: CapReport,
     /// Largest distance of an inserted vertex from the plane, metres (cuts).
     pub max_plane_distance: Option<f64>,
     /// Longest row.

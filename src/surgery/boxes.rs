@@ -146,10 +146,15 @@ pub struct TearBox {
 impl TearBox {
     /// The same box moved by `by` (metres); corners and planes are rounded.
     pub fn translated(&self, by: DVec3) -> Self {
+        self.carried(|p| p + by)
+    }
+
+    /// The same box elsewhere: `to` is a rigid motion of its points, which are rounded.
+    pub fn carried(&self, to: impl Fn(DVec3) -> DVec3) -> Self {
         Self {
-            quads: self.quads.map(|quad| quad.map(|p| p + by)),
-            blades: self.blades.map(|blade| blade.map(|p| p + by)),
-            planes: self.planes.map(|plane| HalfSpace { points: plane.points.map(|p| p + by), ..plane }),
+            quads: self.quads.map(|quad| quad.map(&to)),
+            blades: self.blades.map(|blade| blade.map(&to)),
+            planes: self.planes.map(|plane| HalfSpace { points: plane.points.map(&to), ..plane }),
             ..self.clone()
         }
     }
@@ -230,6 +235,12 @@ pub struct Slit {
 }
 
 impl Slit {
+    /// The same strip elsewhere: `to` is a rigid motion of its points, which are rounded.
+    pub fn carried(&self, to: impl Fn(DVec3) -> DVec3) -> Self {
+        let ends = self.ends.map(|end| HalfSpace { points: end.points.map(&to), ..end });
+        Self { corners: self.corners.map(&to), ends, ..self.clone() }
+    }
+
     /// Its two triangles as indices into [`Slit::corners`].
     pub const TRIANGLES: [[u8; 3]; 2] = [[0, 1, 2], [0, 2, 3]];
 }

@@ -1,6 +1,6 @@
 //! Boxes as Wavefront OBJ (CONTRACT, `--boxes`).
 
-use super::boxes::TearBox;
+use super::boxes::{Slit, TearBox};
 use glam::DVec3;
 use std::io::{self, Write};
 
@@ -16,6 +16,24 @@ pub fn write_boxes<'a>(out: &mut impl Write, boxes: impl IntoIterator<Item = &'a
         }
         for triangle in b.hull_triangles() {
             let [a, b, c] = triangle.map(|k| 8 * i + k as usize + 1);
+            writeln!(out, "f {a} {b} {c}")?;
+        }
+    }
+    Ok(())
+}
+
+/// Writes one object per strip of a tear of width 0, named `chain<k>_slit<i>`: four vertices and the two triangles along
+/// which the surface was opened, positive side outward. They enclose nothing. Digits and `offset` as in [`write_boxes`].
+pub fn write_slits<'a>(out: &mut impl Write, slits: impl IntoIterator<Item = &'a Slit>, offset: DVec3) -> io::Result<()> {
+    writeln!(out, "# incise tear strips of width 0, metres")?;
+    for (i, s) in slits.into_iter().enumerate() {
+        writeln!(out, "o chain{}_slit{}", s.chain, s.index)?;
+        for corner in s.corners {
+            let p = corner + offset;
+            writeln!(out, "v {:.16e} {:.16e} {:.16e}", p.x, p.y, p.z)?;
+        }
+        for triangle in Slit::TRIANGLES {
+            let [a, b, c] = triangle.map(|k| 4 * i + k as usize + 1);
             writeln!(out, "f {a} {b} {c}")?;
         }
     }

@@ -3,18 +3,26 @@
 pub mod blade_path;
 pub mod boxes;
 pub mod boxes_obj;
+pub mod cap;
 pub mod chain;
 pub mod clip;
 pub mod insert;
+pub mod leaf;
 pub mod path_sampler;
 pub mod plane_cut;
+pub mod plane_from_hand;
 pub mod region;
+pub mod slit;
 pub mod stroke;
 pub mod tear;
+pub mod tear_walls;
+mod wall_mesh;
+pub mod walls;
 
 pub use blade_path::{BladePath, BladePose, EntryPoint, PathError, Sampling, SamplingSettings, SettingError, Surface};
 pub use boxes::{HalfSpace, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, plane_side};
-pub use boxes_obj::write_boxes;
+pub use boxes_obj::{write_boxes, write_slits};
 pub use chain::ChainBuilder;
 pub use path_sampler::{ClippedSample, PathSample, PathSampler, SampleKind};
+pub use plane_from_hand::PlaneFromHand;
 pub use stroke::{Stroke, WallMode, tear_segments};

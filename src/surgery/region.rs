@@ -22,7 +22,8 @@ pub struct Region {
     pub points: Vec<RegionPoint>,
     /// The face's boundary, counter-clockwise, points on edges included.
     pub outer: Vec<u16>,
-    /// The polygon to take out, counter-clockwise; may be empty.
+    /// The polygon to take out, counter-clockwise; may be empty. Two points are a slit: nothing is taken out, and the
+    /// segment between them becomes an edge.
     pub inner: Vec<u16>,
     /// Whether the inner polygon's edge from point `i` to the next runs along the face's boundary.
     pub inner_on_face: Vec<bool>,
@@ -138,6 +139,10 @@ impl Region {
     /// that connectivity is always complete.
     fn clip_ears(&mut self) {
         let mut ring = std::mem::take(&mut self.ring);
+        // along a slit the ring runs there and back, and an ear could join two points a second time
+        let slit = self.inner.len() == 2;
+        // and its end may lie beyond the edge that it is near to, by rounding
+        let slack = if slit { 1e-9 } else { 0.0 };
         while ring.len() > 3 {
             let n = ring.len();
             let mut best = (f64::NEG_INFINITY, 0);
@@ -147,9 +152,11 @@ impl Region {
                     continue;
                 }
                 let quality = self.quality(a, b, c);
-                let blocked =
-                    quality > 0.0 && ring.iter().any(|&p| p != a && p != b && p != c && self.in_closed_triangle(p, a, b, c));
-                let score = if blocked {
+                let blocked = quality > 0.0
+                    && ring.iter().any(|&p| p != a && p != b && p != c && self.in_closed_triangle(p, [a, b, c], slack));
+                let score = if slit && (self.has_edge(a, c) || has_side(&ring, a, c)) {
+                    quality - 20.0
+                } else if blocked {
                     quality - 10.0
                 } else if quality > 0.0 {
                     quality
@@ -195,7 +202,7 @@ impl Region {
                         continue;
                     };
                     let d = self.triangles[j][(l + 2) % 3];
-                    if c == d {
+                    if c == d || self.is_slit(a, b) {
                         continue;
                     }
                     let before = self.quality(a, b, c).min(self.quality(b, a, d));
@@ -211,6 +218,11 @@ impl Region {
         false
     }
 
+    /// True for the edge of an inner polygon of two points: a slit, which takes nothing out and stays an edge.
+    fn is_slit(&self, a: u16, b: u16) -> bool {
+        matches!(self.inner[..], [p, q] if [a, b] == [p, q] || [a, b] == [q, p])
+    }
+
     fn has_edge(&self, a: u16, b: u16) -> bool {
         self.triangles.iter().any(|t| t.contains(&a) && t.contains(&b))
     }
@@ -224,13 +236,20 @@ impl Region {
         orient2d(p.at, q.at, r.at) / squared(p.at, q.at).max(squared(q.at, r.at)).max(squared(r.at, p.at))
     }
 
-    fn in_closed_triangle(&self, p: u16, a: u16, b: u16, c: u16) -> bool {
+    /// `slack`: how far outside still counts, in lengths of the side.
+    fn in_closed_triangle(&self, p: u16, [a, b, c]: [u16; 3], slack: f64) -> bool {
         let side = |x: u16, y: u16| {
             let [p, x, y] = [p, x, y].map(|i| self.points[i as usize]);
-            if p.lines & x.lines & y.lines != 0 { 0.0 } else { orient2d(x.at, y.at, p.at) }
+            if p.lines & x.lines & y.lines != 0 { 0.0 } else { orient2d(x.at, y.at, p.at) + slack * squared(x.at, y.at) }
         };
         side(a, b) >= 0.0 && side(b, c) >= 0.0 && side(c, a) >= 0.0
     }
+}
+
+/// True if `a` and `b` follow one another in the ring.
+fn has_side(ring: &[u16], a: u16, b: u16) -> bool {
+    let n = ring.len();
+    (0..n).any(|i| [ring[i], ring[(i + 1) % n]] == [a, b] || [ring[i], ring[(i + 1) % n]] == [b, a])
 }
 
 fn rotated(t: [u16; 3], k: usize) -> [u16; 3] {
@@ -323,6 +342,24 @@ mod tests {
         let r = region(&points, &[0, 1, 2], &[0, 3, 4], &[false; 3]);
         assert!((area(&r) - 6.5).abs() < 1e-12);
         assert_eq!(boundary(&r).len(), 6);
+    }
+
+    #[test]
+    fn slits_take_nothing_out_and_stay_edges() {
+        // inside, from an edge inwards, across, and a hair too short for its length to be seen
+        let e = 1e-17;
+        let (inside, edge) = ([([1.0, 1.0], 8), ([1.5, 0.5], 8)], [([2.0, 0.0], 1 | 8), ([1.0, 1.0], 8)]);
+        let (across, hair) = ([([2.0, 0.0], 1 | 8), ([2.0, 2.0], 2 | 8)], [([2.0, 0.0], 1 | 8), ([2.0, e], 8)]);
+        for (ends, outer) in [(inside, &[0, 1, 2][..]), (edge, &[0, 3, 1, 2]), (across, &[0, 3, 1, 4, 2]), (hair, &[0, 3, 1, 2])]
+        {
+            let mut points = CORNERS.to_vec();
+            points.extend(ends);
+            let r = region(&points, outer, &[3, 4], &[false; 2]);
+            assert!((area(&r) - 8.0).abs() < 1e-12);
+            assert_eq!(boundary(&r).len(), outer.len());
+            let has = |a, b| r.triangles.iter().any(|t| (0..3).any(|k| rotated(*t, k)[..2] == [a, b]));
+            assert!(has(3, 4) && has(4, 3), "{:?}", r.triangles);
+        }
     }
 
     #[test]

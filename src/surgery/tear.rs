@@ -1,12 +1,14 @@
 //! Takes the inside of a convex body out of a surface: one step of the tear (the paper's Tearing Algorithm, MATHS 5.6).
 //!
 //! Stages: values of the candidate faces' corners, clip each face, insert vertices on edges and in faces, second pass over
-//! neighbours across split edges, retriangulate, replace, split vertices left with several fans. No vertex is moved.
+//! neighbours across split edges, retriangulate, replace, split vertices left with several fans; a closed tear then lines the
+//! hole ([`super::tear_walls`]). No vertex is moved.
 
 use super::boxes::Side;
 use super::clip::{Carrier, ClippedFace, MAX_PLANES, PlaneValues, Point, point_sign, point_weights};
 use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker};
 use super::region::{Region, RegionPoint};
+use super::tear_walls::{WallScratch, WallSpec};
 use crate::geometry::{FaceId, FaceInfo, HalfEdge, Mesh, NewFace, Plane, SplitVertex, TopologyScratch, VertexId, WedgeId};
 use glam::DVec3;
 
@@ -62,6 +64,12 @@ pub struct TearStep {
     pub intersection_points: usize,
     /// Area taken out, square metres, in the pose of the edit.
     pub area_removed: f64,
+    /// Faces of walls and floor, with the side of the body that they line (closed tears).
+    pub walls: Vec<(FaceId, Side)>,
+    /// Edges of the hole's rim that belong to no closed loop, and got no wall: the model was open there.
+    pub unclosed_edges: usize,
+    /// Sine of the smallest angle of the faces put in; infinite without any.
+    pub smallest_sine: f64,
 }
 
 struct Affected {
@@ -74,10 +82,10 @@ struct Affected {
 /// Buffers kept between steps.
 #[derive(Default)]
 pub struct TearScratch {
-    slot: Vec<u32>,
+    pub(super) slot: Vec<u32>,
     slotted: Vec<VertexId>,
-    positions: Vec<DVec3>,
-    values: Vec<PlaneValues>,
+    pub(super) positions: Vec<DVec3>,
+    pub(super) values: Vec<PlaneValues>,
     clipped: ClippedFace,
     affected: Vec<Affected>,
     points: Vec<(Point, Carrier)>,
@@ -88,10 +96,13 @@ pub struct TearScratch {
     locals: Vec<(VertexId, WedgeId)>,
     removed: Vec<FaceId>,
     added: Vec<NewFace>,
-    topology: TopologyScratch,
-    split: Vec<SplitVertex>,
-    incident: Vec<FaceId>,
-    zero: Vec<OnPlanes>,
+    pub(super) topology: TopologyScratch,
+    pub(super) split: Vec<SplitVertex>,
+    pub(super) incident: Vec<FaceId>,
+    pub(super) zero: Vec<OnPlanes>,
+    /// The walls of a closed tear.
+    pub(super) lining: WallScratch,
+    is_closed: bool,
 }
 
 const NO_SLOT: u32 = u32::MAX;
@@ -99,32 +110,41 @@ const NO_SLOT: u32 = u32::MAX;
 /// Takes the inside of `body` out of `mesh`. `candidates` must hold every face whose bounds meet the body's; `position` gives
 /// final positions of live vertices; `tags` (sorted by vertex) lists vertices that lie on planes of this body by
 /// construction. Fills `out`; returns false, with the mesh untouched, if no face reaches inside.
+///
+/// With `walls` the hole is lined with walls and a floor (MATHS 5.7): a closed mesh stays closed. Their corners inside the volume
+/// are new vertices with `parent_count` 0. A body that no face reaches into is left alone, even inside a solid.
+#[allow(clippy::too_many_arguments)]
 pub fn tear_step(
     mesh: &mut Mesh,
     body: &Body,
+    walls: Option<&WallSpec>,
     candidates: &[FaceId],
     position: &impl Fn(VertexId) -> DVec3,
     tags: &[OnPlanes],
     scratch: &mut TearScratch,
     out: &mut TearStep,
 ) -> bool {
-    *out = TearStep { faces_visited: candidates.len(), ..TearStep::default() };
-    scratch.begin(mesh);
-    scratch.clip_candidates(mesh, body, candidates, position, tags);
-    if scratch.affected.is_empty() {
+    *out = TearStep { faces_visited: candidates.len(), smallest_sine: f64::INFINITY, ..TearStep::default() };
+    scratch.begin(mesh, walls);
+    scratch.clip_candidates(mesh, body, walls, candidates, position, tags);
+    if scratch.affected.is_empty() && scratch.removed.is_empty() {
         scratch.end();
         return false;
     }
     scratch.insert_on_edges(mesh, out);
     scratch.second_pass(mesh, body, position, tags);
     scratch.retriangulate(mesh, body, out);
-    scratch.replace(mesh, out);
+    scratch.replace(mesh, body, position, tags, out);
+    if let Some(walls) = walls {
+        scratch.line(mesh, body, walls, position, tags, out);
+    }
+    scratch.finish(mesh, out);
     scratch.end();
     true
 }
 
 impl TearScratch {
-    fn begin(&mut self, mesh: &Mesh) {
+    fn begin(&mut self, mesh: &Mesh, walls: Option<&WallSpec>) {
         if self.slot.len() < mesh.vertex_slots() {
             self.slot.resize(mesh.vertex_slots(), NO_SLOT);
         }
@@ -138,6 +158,11 @@ impl TearScratch {
         self.removed.clear();
         self.added.clear();
         self.zero.clear();
+        self.is_closed = walls.is_some();
+        if let Some(walls) = walls {
+            self.lining.clear();
+            self.removed.extend(walls.remove.iter().filter(|&&f| mesh.is_live(f)));
+        }
     }
 
     fn end(&mut self) {
@@ -147,7 +172,7 @@ impl TearScratch {
     }
 
     /// The vertex's slot with its position and values, made when first asked for.
-    fn slot(&mut self, v: VertexId, body: &Body, position: &impl Fn(VertexId) -> DVec3, tags: &[OnPlanes]) -> usize {
+    pub(super) fn slot(&mut self, v: VertexId, body: &Body, position: &impl Fn(VertexId) -> DVec3, tags: &[OnPlanes]) -> usize {
         let known = self.slot[v.index()];
         if known != NO_SLOT {
             return known as usize;
@@ -170,11 +195,16 @@ impl TearScratch {
         &mut self,
         mesh: &Mesh,
         body: &Body,
+        walls: Option<&WallSpec>,
         candidates: &[FaceId],
         position: &impl Fn(VertexId) -> DVec3,
         tags: &[OnPlanes],
     ) {
+        let spared = |f: &FaceId| walls.is_some_and(|w| w.remove.binary_search(f).is_ok() || w.keep.binary_search(f).is_ok());
         for &face in candidates {
+            if spared(&face) {
+                continue;
+            }
             let slots = mesh.face(face).map(|v| self.slot(v, body, position, tags));
             let corners = slots.map(|s| self.positions[s]);
             let (low, high) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
@@ -243,7 +273,7 @@ impl TearScratch {
             self.build_region(mesh, body, i, out);
             self.region.triangulate();
             out.area_removed += self.area_taken();
-            self.emit_faces(info);
+            out.smallest_sine = out.smallest_sine.min(self.emit_faces(info));
             out.touched.extend(mesh.face(face));
         }
     }
@@ -267,6 +297,16 @@ impl TearScratch {
             self.region.outer.push(k as u16);
             let (a, b) = (corners[k], corners[(k + 1) % 3]);
             self.edge_points.sorted(a, b, &mut self.on_edge);
+            // an edge enters a convex body before it leaves it, also where both parameters round to one
+            self.on_edge.sort_by_key(|p| p.entering != (a < b));
+            if self.is_closed && mesh.opposite(HalfEdge::of(face, k)).is_none() {
+                let stops = self.on_edge.iter().map(|p| p.vertex);
+                let mut from = a;
+                for to in stops.chain([b]) {
+                    self.lining.note_border(from, to);
+                    from = to;
+                }
+            }
             for j in 0..self.on_edge.len() {
                 let p = self.on_edge[j];
                 let t = if a < b { p.t } else { 1.0 - p.t };
@@ -328,6 +368,9 @@ impl TearScratch {
         }
         self.region.points[local as usize].lines |= u32::from(planes) << 3;
         let vertex = self.locals[local as usize].0;
+        if self.is_closed {
+            self.lining.note_bits(vertex, planes);
+        }
         let on = |side: Side| (0..body.planes.len()).any(|k| planes >> k & 1 == 1 && body.sides[k] == side);
         if on(Side::Minus) {
             out.lips.push(LipPoint { vertex, side: -1 });
@@ -351,15 +394,36 @@ impl TearScratch {
         doubled / 2.0
     }
 
-    fn emit_faces(&mut self, info: FaceInfo) {
+    /// Lists the region's triangles as new faces. Returns the sine of their smallest angle.
+    fn emit_faces(&mut self, info: FaceInfo) -> f64 {
+        let mut smallest = f64::INFINITY;
         for t in &self.region.triangles {
+            let [p, q, r] = t.map(|l| self.region.points[l as usize].at).map(|p| DVec3::new(p[0], p[1], 0.0));
+            smallest = smallest.min(smallest_sine(p, q, r));
             let at = t.map(|l| self.locals[l as usize]);
             self.added.push(NewFace { corners: at.map(|l| l.0), wedges: at.map(|l| l.1), info, side: 0 });
         }
+        smallest
     }
 
-    fn replace(&mut self, mesh: &mut Mesh, out: &mut TearStep) {
+    fn replace(
+        &mut self,
+        mesh: &mut Mesh,
+        body: &Body,
+        position: &impl Fn(VertexId) -> DVec3,
+        tags: &[OnPlanes],
+        out: &mut TearStep,
+    ) {
         out.intersection_points = out.new_vertices.len();
+        if self.is_closed {
+            self.lining.note_surroundings(mesh, &self.removed);
+            for i in 0..self.removed.len() {
+                for v in mesh.face(self.removed[i]) {
+                    self.slot(v, body, position, tags);
+                    out.touched.push(v);
+                }
+            }
+        }
         out.touched.sort_unstable();
         out.touched.dedup();
         self.incident.clear();
@@ -370,12 +434,18 @@ impl TearScratch {
         out.faces_removed = self.removed.len();
         out.added_faces.extend_from_slice(&self.topology.added);
         self.incident.extend_from_slice(&out.added_faces);
+        if self.is_closed {
+            self.lining.collect_rim(mesh, &out.added_faces);
+        }
         self.split.clear();
         let vertices: Vec<VertexId> = out.touched.iter().copied().chain(out.new_vertices.iter().map(|n| n.vertex)).collect();
         mesh.split_fans(&vertices, &self.incident, &mut self.topology, &mut self.split);
         for i in 0..self.split.len() {
             self.note_split(self.split[i], out);
         }
+    }
+
+    fn finish(&mut self, mesh: &Mesh, out: &mut TearStep) {
         out.lips.sort_unstable_by_key(|l| (l.vertex, l.side));
         out.lips.dedup();
         out.lips.retain(|l| mesh.vertex_is_live(l.vertex));
@@ -385,7 +455,7 @@ impl TearScratch {
     }
 
     /// A copy made by a fan split lies where its original lies.
-    fn note_split(&mut self, split: SplitVertex, out: &mut TearStep) {
+    pub(super) fn note_split(&mut self, split: SplitVertex, out: &mut TearStep) {
         let old = out.new_vertices.iter().find(|n| n.vertex == split.from).map(|n| n.position);
         let position = old.unwrap_or_else(|| self.positions[self.slot[split.from.index()] as usize]);
         let parents = [(split.from, 1.0), (VertexId::NONE, 0.0), (VertexId::NONE, 0.0)];
@@ -399,8 +469,16 @@ impl TearScratch {
     }
 }
 
+/// Sine of a triangle's smallest angle: the angle between its two longer sides.
+pub(super) fn smallest_sine(p: DVec3, q: DVec3, r: DVec3) -> f64 {
+    let [a, b, c] = [p - q, q - r, r - p].map(DVec3::length_squared);
+    let shortest = a.min(b).min(c);
+    let product = if shortest > 0.0 { (a * b * c / shortest).sqrt() } else { 0.0 };
+    if product > 0.0 { (q - p).cross(r - p).length() / product } else { 0.0 }
+}
+
 /// The face laid flat, isometrically: first corner at the origin, first edge along x.
-fn flatten([a, b, c]: [DVec3; 3]) -> [[f64; 2]; 3] {
+pub(super) fn flatten([a, b, c]: [DVec3; 3]) -> [[f64; 2]; 3] {
     let (ab, ac) = (b - a, c - a);
     let length = ab.length();
     if length == 0.0 {

@@ -1,25 +1,74 @@
 //! What every edit of a tissue shares: inserted vertices get rows, influences and fades, so that nothing pops (MATHS 2.2);
 //! and the plane cut itself. Tears are in [`super::stroke`].
 
-use super::{Posed, Tissue, topology};
+use super::walls::LONGEST_ROW;
+use super::{Posed, Tissue};
 use crate::diagnostics::Stages;
 use crate::geometry::{Plane, VertexId};
 use crate::particles::{Influence, LipVertex, MapEdit, MapUpdateReport, update_after_edit};
+use crate::surgery::cap::{CapDress, CapOutcome, CapScratch, cap};
 use crate::surgery::insert::NewVertex;
-use crate::surgery::plane_cut::{PlaneCutOutcome, PlaneCutScratch, plane_cut};
+use crate::surgery::plane_cut::{PlaneCutOutcome, PlaneCutScratch, Reach, plane_cut_within};
 use glam::DVec3;
 use std::ops::Range;
 
 /// Offsets below this are rounding and start no fade, as a fraction of the diagonal.
 const FADE_THRESHOLD: f64 = 1e-10;
 
+/// Buffers of a cut, kept between cuts.
+#[derive(Debug, Default)]
+pub struct CutScratch {
+    /// Of the split.
+    pub split: PlaneCutScratch,
+    /// Of the caps.
+    pub cap: CapScratch,
+}
+
 impl Tissue {
+    /// [`Tissue::cut`], and closes what was opened: each closed loop of the cut gets a cap on both sides (MATHS 6).
+    pub fn cut_closed(&mut self, plane: &Plane, scratch: &mut CutScratch, stages: &mut Stages) -> (PlaneCutOutcome, CapOutcome) {
+        let outcome = self.cut(plane, &mut scratch.split, stages);
+        if outcome.missed() {
+            return (outcome, CapOutcome::default());
+        }
+        let capped = stages.time("caps", || self.cap(plane, scratch));
+        (outcome, capped)
+    }
+
+    fn cap(&mut self, plane: &Plane, scratch: &mut CutScratch) -> CapOutcome {
+        let dress = CapDress { normal: plane.normal(), material: self.cap_material() };
+        let rest_normal = |tissue: &Posed<'_>, v: VertexId, normal: DVec3| {
+            // cofactors take it to `normal` in this pose
+            let linear = tissue.pose.blended_linear(tissue.rows, v);
+            (linear.transpose() * normal).try_normalize().unwrap_or(normal).as_vec3().to_array()
+        };
+        let (mesh, posed) = self.split_borrow();
+        let (rim, taken) = (scratch.split.rim(), scratch.split.taken());
+        let position = |v: VertexId| posed.position(v);
+        let normal = |v: VertexId, n: DVec3| rest_normal(&posed, v, n);
+        let outcome = cap(mesh, rim, taken, dress, position, normal, &mut scratch.cap);
+        let (positive, negative) = outcome.added_faces.split_at(outcome.positive_faces);
+        for faces in [positive, negative] {
+            if let Some(&first) = faces.first() {
+                let vertices: Vec<VertexId> = faces.iter().flat_map(|&f| self.mesh.face(f)).collect();
+                self.widen_section(self.mesh.face_info(first).section, vertices.into_iter());
+            }
+        }
+        outcome
+    }
+
     /// Cuts the tissue in place along `plane` (tissue space) in the pose the user sees. The surface is opened along the
     /// plane; pieces are told apart by [`Tissue::component_faces`]. Untouched on a miss.
     pub fn cut(&mut self, plane: &Plane, scratch: &mut PlaneCutScratch, stages: &mut Stages) -> PlaneCutOutcome {
         let outcome = stages.time("split", || {
+            self.refresh_sections();
+            let mut faces = std::mem::take(&mut self.scratch.faces);
+            let beyond = self.faces_across(plane, &mut faces);
             let (mesh, posed) = self.split_borrow();
-            plane_cut(mesh, plane, |v| posed.position(v), scratch)
+            let reach = Reach { faces: &faces, beyond };
+            let outcome = plane_cut_within(mesh, plane, reach, |v| posed.position(v), scratch);
+            self.scratch.faces = faces;
+            outcome
         });
         if !outcome.missed() {
             stages.time("rows", || self.add_vertices(&outcome.new_vertices));
@@ -38,13 +87,26 @@ impl Tissue {
     /// Rows and rest positions of inserted vertices.
     pub(super) fn add_vertices(&mut self, new: &[NewVertex]) {
         for vertex in new {
-            let id = self.rows.push_embedded(vertex.parents());
+            let id = if vertex.parent_count == 0 { self.push_corner(vertex, new) } else { self.push_inserted(vertex) };
             debug_assert_eq!(id, vertex.vertex);
             self.rest.push(self.rows.rest(id));
         }
         if !self.fades.entries.is_empty() {
             self.fades.entries.resize(self.rows.len(), [0.0; 4]);
         }
+    }
+
+    /// The row of an inserted vertex; one that would be too long is promoted to a base vertex (MATHS 1.4).
+    fn push_inserted(&mut self, vertex: &NewVertex) -> VertexId {
+        let entries: usize = vertex.parents().iter().map(|p| self.rows.rows.row(p.0.index()).len().max(1)).sum();
+        if entries > LONGEST_ROW && self.rows.merged_len(vertex.parents()) > LONGEST_ROW {
+            let skinned: DVec3 = vertex.parents().iter().map(|p| self.pose.skin(&self.rows, p.0) * p.1).sum();
+            let bones = self.blended_bones(vertex.parents());
+            let rest = self.solve_rest(&bones, skinned);
+            self.promoted_vertices += 1;
+            return self.rows.push_base(rest.as_vec3().to_array(), &bones);
+        }
+        self.rows.push_embedded(vertex.parents())
     }
 
     /// Brings the particle map up to date after an edit and holds every vertex it concerns where it was: inserted ones on
@@ -64,19 +126,19 @@ impl Tissue {
             new.iter().map(|n| crate::particles::NewVertex { vertex: n.vertex, parents: n.parents.map(|p| p.0) }).collect();
         let edit = MapEdit { new_vertices: &vertices, removed_vertices: removed, new_strips: strips, lips };
         let old_len = layer.map.influences.rows();
-        let untouched = layer.map.influences.clone();
         let scratch = &mut self.scratch.update;
         let report =
             update_after_edit(&self.mesh, &self.rest, &mut layer.map, &mut layer.strips, &edit, &layer.settings, scratch);
-        layer.network.set_topology(&topology(&layer.map), None);
+        let (map, network) = (&layer.map, &mut layer.network);
+        let springs = |p: usize| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight));
+        network.update_springs(map.len(), &report.particles_changed, springs);
         let displaced = |row: &[Influence]| -> DVec3 {
             row.iter().map(|i| layer.displacements()[i.particle.index()] * f64::from(i.weight)).sum()
         };
-        let moved: Vec<(VertexId, DVec3)> = report
-            .vertices_changed
-            .iter()
-            .filter(|v| v.index() < old_len && self.mesh.vertex_is_live(**v))
-            .map(|&v| (v, displaced(untouched.row(v.index())) - displaced(layer.map.influences.row(v.index()))))
+        let moved: Vec<(VertexId, DVec3)> = scratch
+            .rows_before()
+            .filter(|(v, _)| v.index() < old_len && self.mesh.vertex_is_live(*v))
+            .map(|(v, before)| (v, displaced(before) - displaced(layer.map.influences.row(v.index()))))
             .collect();
         let inserted = new.iter().map(|n| (n.vertex, n.position));
         let targets: Vec<(VertexId, DVec3)> =

@@ -1,18 +1,22 @@
 //! A tissue: mesh, rig, particles and dynamics of one soft body. Tissue space is metres relative to the tissue's origin.
 
+mod bounded_cut;
 pub mod edit;
+pub mod forces;
 mod history;
 pub mod measure;
 pub mod pieces;
 mod sections;
 pub mod stroke;
 mod surface;
+pub mod touch;
+mod walls;
 
 use crate::formats::{Material, Model};
-use crate::geometry::{Mesh, ParticleId, StateHash, VertexId};
+use crate::geometry::{FaceId, Mesh, ParticleId, StateHash, VertexId};
 use crate::particles::{ParticleMap, ParticleMapDelta, ParticleSettings, Strips, StripsDelta, UpdateScratch, sample};
 use crate::physics::direct_displacement::target;
-use crate::physics::{Network, NetworkSettings, NetworkTopology, StepScratch};
+use crate::physics::{Network, NetworkSettings, NetworkTopology, RigidPose, StepScratch};
 use crate::rig::{Fades, Pose, PoseScratch, Rig, VertexRows, VertexRowsDelta, final_position};
 use glam::DVec3;
 use sections::SectionBounds;
@@ -50,6 +54,8 @@ pub struct SoftLayer {
     pub opening_s: f64,
     /// Largest sum of weights that the limit of influences cut off at a vertex when the map was built.
     pub truncation_error: f64,
+    /// Mass of a particle, kg: what forces on rigid bodies are scaled by; the network itself is of unit masses.
+    pub particle_mass: f64,
 }
 
 /// Counters that change whenever what they name does.
@@ -75,6 +81,7 @@ pub struct Tissue {
     rig: Arc<Rig>,
     materials: Arc<Vec<Material>>,
     offset: DVec3,
+    frame: RigidPose,
     diagonal: f64,
     layer: Option<SoftLayer>,
     fades: Fades,
@@ -84,8 +91,12 @@ pub struct Tissue {
     sections: SectionBounds,
     versions: Versions,
     scratch: TissueScratch,
+    touch: touch::Touch,
+    forces: forces::ForceState,
     section_faces: usize,
     opening_s: f64,
+    /// Rows that grew too long and became base vertices, so far.
+    promoted_vertices: usize,
 }
 
 /// All that final positions depend on, apart from the mesh.
@@ -114,13 +125,17 @@ impl Posed<'_> {
 /// Buffers of one tissue, kept between frames.
 #[derive(Default)]
 struct TissueScratch {
+    /// Faces that a cut may reach.
+    faces: Vec<FaceId>,
     pose: PoseScratch,
     step: StepScratch,
     update: UpdateScratch,
     rest_displacements: Vec<[f64; 3]>,
     /// Held particles: id, anchor as skinned, displacement.
     held: Vec<(ParticleId, DVec3, DVec3)>,
+    /// Held particles and their displacements: by hands, and all together.
     grabs: Vec<(ParticleId, DVec3)>,
+    all_held: Vec<(ParticleId, DVec3)>,
 }
 
 /// A wound this near to its full opening, as a fraction of the diagonal, has opened.
@@ -211,6 +226,7 @@ impl Tissue {
             rig: Arc::new(rig),
             materials: Arc::new(materials),
             offset,
+            frame: RigidPose::at(offset),
             diagonal: 0.0,
             layer: None,
             fades: Fades { duration_s: settings.fade_s, ..Fades::default() },
@@ -220,14 +236,19 @@ impl Tissue {
             sections: SectionBounds::default(),
             versions: Versions { structure: 1, pose: 1, displacements: 1, fades: 1 },
             scratch: TissueScratch::default(),
+            touch: touch::Touch::default(),
+            forces: forces::ForceState::default(),
             section_faces: settings.section_faces,
             opening_s: settings.opening_s,
+            promoted_vertices: 0,
         };
         tissue.build_sections();
         let (low, high) = tissue.bounds();
         tissue.diagonal = (high - low).length();
         if let Some(particles) = settings.particles {
-            tissue.layer = Some(tissue.build_layer(particles, settings.network.checked()?)?);
+            let mut layer = tissue.build_layer(particles, settings.network.checked()?)?;
+            layer.particle_mass = tissue.mass_guess() / layer.map.len().max(1) as f64;
+            tissue.layer = Some(layer);
         }
         tissue.discard_delta();
         Ok(tissue)
@@ -244,13 +265,15 @@ impl Tissue {
         let (opening, opening_s) = (vec![DVec3::ZERO; map.len()], self.opening_s);
         let mut strips = Strips::default();
         strips.prepare(&self.mesh, &self.rest, &map, &settings);
-        Ok(SoftLayer { settings, map, strips, network, opening, opening_s, truncation_error: report.truncation_error })
+        let truncation_error = report.truncation_error;
+        Ok(SoftLayer { settings, map, strips, network, opening, opening_s, truncation_error, particle_mass: 1.0 })
     }
 
     fn build_sections(&mut self) {
         let (count, section) = crate::geometry::sections::cluster_faces(&self.mesh, |v| self.rest[v.index()], self.section_faces);
         self.mesh.assign_sections(count, &section);
         self.sections = SectionBounds::build(&self.mesh, &self.rows);
+        self.refresh_sections();
     }
 
     /// Topology, wedges, sections.
@@ -273,7 +296,7 @@ impl Tissue {
         &self.materials
     }
 
-    /// Origin of tissue space in model space, metres.
+    /// Origin of tissue space in model space as loaded, metres; where it stands now is [`Tissue::frame`].
     pub fn offset(&self) -> DVec3 {
         self.offset
     }
@@ -281,6 +304,11 @@ impl Tissue {
     /// Diagonal of the bounds at rest of the model it came from, metres: the yardstick of tolerances.
     pub fn diagonal(&self) -> f64 {
         self.diagonal
+    }
+
+    /// Vertices so far whose rows grew too long and that became base vertices (MATHS 1.4).
+    pub fn promoted_vertices(&self) -> usize {
+        self.promoted_vertices
     }
 
     /// The soft layer, if there is one.
@@ -389,11 +417,12 @@ impl Tissue {
                 self.scratch.grabs.push((p, u));
             }
         }
-        layer.network.set_grabs(&self.scratch.grabs);
+        self.apply_holds();
     }
 
     /// Advances the soft layer by `step_s`: wound rests follow their anchors, springs are propagated (MATHS 4.2).
     pub fn step(&mut self, step_s: f64) {
+        self.push_particles(step_s);
         let Some(layer) = &mut self.layer else { return };
         let TissueScratch { step, rest_displacements, held, .. } = &mut self.scratch;
         let followed: Vec<(DVec3, DVec3)> = held.iter().map(|h| (h.1, h.2)).collect();
@@ -447,6 +476,8 @@ impl Tissue {
     pub fn state_hash(&self, hash: &mut StateHash) {
         self.edit_hash(hash);
         hash.bytes(bytemuck::cast_slice(&self.fades.entries));
+        let RigidPose { rotation, translation } = self.frame;
+        rotation.to_array().into_iter().chain(translation.to_array()).for_each(|x| hash.word(x.to_bits()));
         if let Some(layer) = &self.layer {
             layer.network.hash_into(hash);
             hash.bytes(bytemuck::cast_slice(&layer.opening));

@@ -34,6 +34,8 @@ impl Tissue {
             pose: self.pose.clone(),
             sections: Default::default(),
             scratch: Default::default(),
+            touch: Default::default(),
+            forces: self.forces.fresh(),
             ..*self
         };
         piece.build_sections();
@@ -96,6 +98,7 @@ impl SoftLayer {
             strips,
             network,
             truncation_error: self.truncation_error,
+            particle_mass: self.particle_mass,
         })
     }
 }

@@ -20,7 +20,7 @@ const STATIC: u32 = u32::MAX;
 /// Bounds of every section, joint by joint at rest, and posed when asked for.
 ///
 /// Rows of surface vertices are convex combinations of base vertices of the same section, so what an edit inserts stays
-/// inside and the rest bounds never change.
+/// inside; only walls inside the volume widen them ([`SectionBounds::widen`]).
 #[derive(Clone, Debug, Default)]
 pub struct SectionBounds {
     start: Vec<u32>,
@@ -61,6 +61,39 @@ impl SectionBounds {
         }
     }
 
+    /// Widens a section by the base vertices that `v` leans on, at rest and as last posed.
+    pub fn widen(&mut self, section: SectionId, rows: &VertexRows, v: VertexId, pose: &Pose) {
+        self.widen_by(section, rows, std::iter::once(v), pose);
+    }
+
+    /// [`SectionBounds::widen`] by many vertices.
+    pub fn widen_by(&mut self, section: SectionId, rows: &VertexRows, vertices: impl Iterator<Item = VertexId>, pose: &Pose) {
+        let s = section.index();
+        if s >= self.len() {
+            return;
+        }
+        let after = self.start[s + 1] as usize;
+        let mut own = Self { joints: self.joints[self.start[s] as usize..after].to_vec(), ..Self::default() };
+        for v in vertices {
+            let row = rows.rows.row(v.index());
+            if row.is_empty() {
+                own.add_base(0, rows, v);
+            }
+            for entry in row {
+                own.add_base(0, rows, entry.base);
+            }
+        }
+        let more = own.joints.len() - (after - self.start[s] as usize);
+        self.joints.splice(self.start[s] as usize..after, own.joints);
+        for start in &mut self.start[s + 1..] {
+            *start += more as u32;
+        }
+        if let Some(posed) = self.posed.get_mut(s) {
+            let range = self.start[s] as usize..self.start[s + 1] as usize;
+            *posed = pose_all(&self.joints[range], pose);
+        }
+    }
+
     /// Number of sections.
     fn len(&self) -> usize {
         self.start.len().saturating_sub(1)
@@ -78,14 +111,19 @@ impl SectionBounds {
             self.posed.clear();
             for s in 0..self.len() {
                 let range = self.start[s] as usize..self.start[s + 1] as usize;
-                self.posed.push(self.joints[range].iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), b| {
-                    let (l, h) = pose_bounds(b, pose);
-                    (low.min(l), high.max(h))
-                }));
+                self.posed.push(pose_all(&self.joints[range], pose));
             }
         }
         &self.posed
     }
+}
+
+/// Box around all of a section's joints.
+fn pose_all(joints: &[JointBounds], pose: &Pose) -> (DVec3, DVec3) {
+    joints.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), b| {
+        let (l, h) = pose_bounds(b, pose);
+        (low.min(l), high.max(h))
+    })
 }
 
 /// Box around a box transformed by its joint.

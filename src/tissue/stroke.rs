@@ -1,13 +1,20 @@
 //! A tear through one tissue: blade poses in, the surface torn box by box, live (MATHS 5).
 
+#[path = "slit_stroke.rs"]
+mod slit_stroke;
+
 use super::{Tissue, TissueDelta};
 use crate::diagnostics::Stages;
 use crate::geometry::{FaceId, Plane, VertexId};
 use crate::particles::{LipVertex, MapUpdateReport, release_slit};
 use crate::surgery::clip::MAX_PLANES;
 use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
-use crate::surgery::{BladePose, EntryPoint, Sampling, Side, Stroke, TearBox, TearSegment};
-use glam::DVec3;
+use crate::surgery::tear_walls::WallSpec;
+use crate::surgery::walls::Facets;
+use crate::surgery::{BladePose, EntryPoint, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
+use glam::{DMat3, DVec3};
+use slit_stroke::SlitState;
+pub(super) use slit_stroke::{at_rest, bind_slit};
 
 /// Sides whose two triangles are this flat, as a fraction of the diagonal, are one plane.
 const FLAT_SIDE: f64 = 1e-9;
@@ -26,8 +33,20 @@ pub struct SegmentReport {
     pub intersection_points: usize,
     /// Area taken out, square metres.
     pub area_removed: f64,
+    /// Edges opened (width 0).
+    pub opened_edges: usize,
     /// Particles that the wound was given.
     pub wound_particles: usize,
+    /// Faces of walls and floor put in (closed tears).
+    pub wall_faces: usize,
+    /// Edges of the rim that got no wall, because the model was open there.
+    pub unclosed_edges: usize,
+    /// How far the rest position and bones of a wall's corner miss its place, metres: a fade holds it there (MATHS 1.4).
+    pub wall_deviation: f64,
+    /// Smallest angle of the faces put in, radians; a right angle without any.
+    pub smallest_angle: f64,
+    /// Rows that grew too long and became base vertices.
+    pub promoted_vertices: usize,
 }
 
 /// A pending quad tied to the tissue by the frame of a vertex near it (MATHS 5.5).
@@ -47,19 +66,28 @@ pub struct TearStroke {
     last: Option<(u32, u32, [DVec3; 2])>,
     slit: u32,
     candidates: Vec<FaceId>,
+    /// Vertices that the last box touched or made, as far as they live.
+    near: Vec<VertexId>,
     scratch: TearScratch,
     step: TearStep,
     boxes: Vec<TearBox>,
+    slits: SlitState,
     reports: Vec<SegmentReport>,
     ties: Vec<Tie>,
     /// What the boxes changed, one entry a box, since the last [`TearStroke::take_deltas`].
     deltas: Vec<TissueDelta>,
     /// The tissue has moved since the pending quads were tied.
     moved: bool,
+    wall: WallMode,
+    /// The walls of the last box: its end wall, which goes when the chain goes on, and the others (both sorted).
+    end_wall: Vec<FaceId>,
+    other_walls: Vec<FaceId>,
+    /// Lips of the last box: where the tissue moves they stay on the side that they are on.
+    lips: Vec<(VertexId, i8)>,
 }
 
 impl TearStroke {
-    /// Takes up the blade over `tissue`: a slit of `width` metres, above 0.
+    /// Takes up the blade over `tissue`: a slit of `width` metres; with 0 nothing is taken out.
     pub fn new(tissue: &Tissue, width: f64, sampling: Sampling) -> Self {
         Self {
             stroke: Stroke::new(width, sampling),
@@ -68,14 +96,25 @@ impl TearStroke {
             last: None,
             slit: tissue.layer().map_or(0, |l| l.strips.next_slit()),
             candidates: Vec::new(),
+            near: Vec::new(),
             scratch: TearScratch::default(),
             step: TearStep::default(),
             boxes: Vec::new(),
+            slits: SlitState::default(),
             reports: Vec::new(),
             ties: Vec::new(),
             deltas: Vec::new(),
             moved: false,
+            wall: WallMode::Open,
+            end_wall: Vec::new(),
+            other_walls: Vec::new(),
+            lips: Vec::new(),
         }
+    }
+
+    /// The same with walls and a floor, or without.
+    pub fn walled(self, wall: WallMode) -> Self {
+        Self { wall, ..self }
     }
 
     /// Takes the next blade pose (tissue space) and tears as far as it allows: a box is committed when the sample after its
@@ -101,33 +140,49 @@ impl TearStroke {
         }
         self.tags.clear();
         self.last = None;
+        self.slits.release();
     }
 
     /// Moves the pending quads with the tissue (MATHS 5.5). Those it has not moved keep their bits.
     fn follow_tissue(&mut self, tissue: &Tissue) {
         self.moved = false;
         for (serial, quad) in self.stroke.builder().pending_quads_mut() {
-            let Some(tie) = self.ties.iter().find(|t| t.serial == serial) else { continue };
+            let Some(tie) = self.ties.iter_mut().find(|t| t.serial == serial) else { continue };
             for k in 0..4 {
                 let now = tissue.to_posed(tie.vertex, tie.rest[k]);
                 if now != tie.posed[k] {
                     quad[k] += now - tie.posed[k];
+                    tie.posed[k] = now;
                     self.moved = true;
                 }
             }
         }
     }
 
-    /// Ties the pending quads to the nearest live vertices.
+    /// Ties the pending quads to the nearest live vertices. A tie whose vertex lives is kept.
     fn tie_quads(&mut self, tissue: &Tissue) {
-        self.ties.clear();
-        for (serial, quad) in self.stroke.builder().pending_quads_mut() {
+        let Self { stroke, ties, near, candidates, .. } = self;
+        let pending = stroke.builder().pending_quads_mut();
+        let mut kept = 0;
+        for (serial, quad) in pending {
+            let old = ties[kept..].iter().position(|t| t.serial == serial && tissue.mesh.vertex_is_live(t.vertex));
+            if let Some(at) = old {
+                ties.swap(kept, kept + at);
+                kept += 1;
+                continue;
+            }
             let top = (quad[2] + quad[3]) / 2.0;
-            if let Some(vertex) = nearest_vertex(tissue, &self.candidates, top).or_else(|| tissue.any_vertex_near(top)) {
+            // the blade may have gone elsewhere since the last box
+            let reach = 2.0 * quad[0].distance(quad[2]);
+            let close = nearest_of(tissue, near, top).filter(|&v| tissue.position(v).distance(top) <= reach);
+            let nearest = || close.or_else(|| nearest_vertex(tissue, candidates, top));
+            if let Some(vertex) = nearest().or_else(|| tissue.any_vertex_near(top)) {
                 let rest = quad.map(|p| tissue.to_rest(vertex, p));
-                self.ties.push(Tie { serial, vertex, rest, posed: rest.map(|p| tissue.to_posed(vertex, p)) });
+                ties.insert(kept, Tie { serial, vertex, rest, posed: rest.map(|p| tissue.to_posed(vertex, p)) });
+                kept += 1;
             }
         }
+        ties.truncate(kept);
     }
 
     /// Hands over what the boxes have changed since the last call, oldest first.
@@ -135,9 +190,14 @@ impl TearStroke {
         std::mem::take(&mut self.deltas)
     }
 
-    /// Boxes committed so far, in order.
+    /// Boxes committed so far, in order; in a closed tear without those wholly inside the solid, which take nothing out.
     pub fn boxes(&self) -> &[TearBox] {
         &self.boxes
+    }
+
+    /// Strips of a tear of width 0 committed so far, in order.
+    pub fn slits(&self) -> &[Slit] {
+        self.slits.committed()
     }
 
     /// Reports of the boxes that tore something.
@@ -147,13 +207,14 @@ impl TearStroke {
 
     /// True if anything was torn.
     pub fn has_torn(&self) -> bool {
-        self.reports.iter().any(|r| r.new_vertices > 0 || r.area_removed > 0.0)
+        self.reports.iter().any(|r| r.new_vertices > 0 || r.opened_edges > 0 || r.area_removed > 0.0)
     }
 
     fn tear_segments(&mut self, tissue: &mut Tissue) {
         for segment in std::mem::take(&mut self.segments) {
-            if let Some(tear_box) = segment.as_box() {
-                self.tear_box(tissue, tear_box);
+            match &segment {
+                TearSegment::Box(tear_box) => self.tear_box(tissue, tear_box),
+                TearSegment::Slit(slit) => self.tear_slit(tissue, slit),
             }
         }
     }
@@ -163,32 +224,82 @@ impl TearStroke {
         let mut planes = BoxPlanes::new(tear_box, FLAT_SIDE * tissue.diagonal());
         if self.last.is_none_or(|(chain, index, _)| (chain, index + 1) != (tear_box.chain, tear_box.index)) {
             self.tags.clear();
+            self.end_wall.clear();
+            self.other_walls.clear();
+            self.lips.clear();
         }
         if self.moved && !self.tags.is_empty() {
             planes.reach_back(tear_box);
         }
-        let tags = planes.start_tags(&self.tags);
+        let mut tags = planes.start_tags(&self.tags);
+        if planes.start == 0 && self.wall == WallMode::Closed {
+            planes.tag_lips(&self.lips, &mut tags);
+        }
+        let material = if self.wall == WallMode::Closed { tissue.wound_material() } else { 0 };
         let [low, high] = tear_box.bounds();
         let reach = if planes.start == 0 { (high - low).max_element() } else { 1e-9 * tissue.diagonal() };
         let margin = DVec3::splat(reach);
         let hit = report.stages.time("perform_tear", || {
             tissue.faces_near(low - margin, high + margin, &mut self.candidates);
             let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
+            let at = tear_box.blades[1][1];
+            let walls = (self.wall == WallMode::Closed).then(|| WallSpec {
+                facets: &planes.facets,
+                remove: &self.end_wall,
+                keep: &self.other_walls,
+                material,
+                rest_from_posed: rest_from_posed(tissue, nearest_vertex(tissue, &self.candidates, at)),
+            });
             let (mesh, posed) = tissue.split_borrow();
-            tear_step(mesh, &body, &self.candidates, &|v| posed.position(v), &tags, &mut self.scratch, &mut self.step)
+            let position = |v| posed.position(v);
+            tear_step(mesh, &body, walls.as_ref(), &self.candidates, &position, &tags, &mut self.scratch, &mut self.step)
         });
         report.faces_visited = self.step.faces_visited;
-        let end = if hit { self.bind(tissue, tear_box, &mut report) } else { self.rest_edge(tissue, tear_box, 1) };
+        let end = if hit {
+            self.bind(tissue, tear_box, &mut report)
+        } else {
+            self.near.clear();
+            self.rest_edge(tissue, tear_box, 1)
+        };
         self.tags = planes.end_edges(&self.step.on_end);
+        self.keep_walls();
         self.last = Some((tear_box.chain, tear_box.index, end));
-        self.boxes.push(tear_box.clone());
+        if hit || self.wall == WallMode::Open || !is_buried(tissue, tear_box) {
+            self.boxes.push(tear_box.clone());
+        }
         self.reports.push(report);
+    }
+
+    /// Remembers the walls and lips of the last box for the next.
+    fn keep_walls(&mut self) {
+        self.end_wall.clear();
+        self.other_walls.clear();
+        self.lips.clear();
+        if self.wall == WallMode::Closed {
+            for &(face, side) in &self.step.walls {
+                (if side == Side::End { &mut self.end_wall } else { &mut self.other_walls }).push(face);
+            }
+            self.end_wall.sort_unstable();
+            self.other_walls.sort_unstable();
+            self.lips.extend(self.step.lips.iter().map(|l| (l.vertex, l.side)));
+        }
     }
 
     /// Rows, strip and particle map of what the box tore. Returns the strip's end edge at rest.
     fn bind(&mut self, tissue: &mut Tissue, tear_box: &TearBox, report: &mut SegmentReport) -> [DVec3; 2] {
+        let step = &mut self.step;
+        let promoted = tissue.promoted_vertices;
+        report.stages.time("bind", || {
+            tissue.add_vertices(&step.new_vertices);
+            tissue.settle_corners(&mut step.new_vertices);
+            tissue.widen_sections(step.walls.iter().map(|w| w.0));
+        });
+        self.near.clear();
+        self.near.extend(step.touched.iter().copied().chain(step.new_vertices.iter().map(|n| n.vertex)));
+        report.promoted_vertices = tissue.promoted_vertices - promoted;
+        (report.wall_faces, report.unclosed_edges) = (step.walls.len(), step.unclosed_edges);
+        report.smallest_angle = step.smallest_sine.min(1.0).asin();
         let step = &self.step;
-        report.stages.time("bind", || tissue.add_vertices(&step.new_vertices));
         report.new_vertices = step.new_vertices.len();
         report.intersection_points = step.intersection_points;
         report.area_removed = step.area_removed;
@@ -212,6 +323,8 @@ impl TearStroke {
             tissue.update_map(&self.step.new_vertices, &removed, strips, &lips)
         });
         report.wound_particles = update.particles_added.len();
+        let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
+        report.wall_deviation = corners.map(|n| tissue.held_by(n.vertex)).fold(0.0, f64::max);
         tissue.versions.structure += 1;
         let delta = report.stages.time("update_mesh", || tissue.take_delta());
         self.deltas.push(delta);
@@ -221,22 +334,47 @@ impl TearStroke {
     /// The blade `[tip, top]` at one end of a box, carried to rest space by the nearest surface vertex.
     fn rest_edge(&self, tissue: &Tissue, tear_box: &TearBox, end: usize) -> [DVec3; 2] {
         let [tip, top] = tear_box.blades[end];
-        match nearest_vertex(tissue, &self.candidates, top) {
+        match nearest_of(tissue, &self.near, top).or_else(|| nearest_vertex(tissue, &self.candidates, top)) {
             Some(v) => [tip, top].map(|p| tissue.to_rest(v, p)),
             None => [tip, top],
         }
     }
 }
 
+/// True if a box that no face reaches lies inside the solid. It leaves no void there, so it is none of the boxes that the wound is
+/// made of.
+fn is_buried(tissue: &Tissue, tear_box: &TearBox) -> bool {
+    let centre = tear_box.corners().iter().sum::<DVec3>() / 8.0;
+    let (low, high) = tissue.sections_extent();
+    if centre.cmplt(low).any() || centre.cmpgt(high).any() {
+        return false;
+    }
+    let outside = centre + (tear_box.blades[0][1] - tear_box.blades[0][0]).normalize_or(DVec3::Y) * 2.0 * (high - low).length();
+    tissue.blade_entry(outside, centre).is_some_and(|(s, _)| s == 0.0)
+}
+
 /// The vertex of `faces` that is seen nearest to `p`; dead faces are passed over.
 fn nearest_vertex(tissue: &Tissue, faces: &[FaceId], p: DVec3) -> Option<VertexId> {
-    let near = |v: &VertexId| tissue.position(*v).distance_squared(p);
-    let vertices = faces.iter().filter(|f| tissue.mesh.is_live(**f)).flat_map(|&f| tissue.mesh.face(f));
-    vertices.min_by(|a, b| near(a).total_cmp(&near(b)).then(a.cmp(b)))
+    nearest(tissue, faces.iter().filter(|f| tissue.mesh.is_live(**f)).flat_map(|&f| tissue.mesh.face(f)), p)
+}
+
+/// The live one of `vertices` that is seen nearest to `p`.
+fn nearest_of(tissue: &Tissue, vertices: &[VertexId], p: DVec3) -> Option<VertexId> {
+    nearest(tissue, vertices.iter().copied().filter(|&v| tissue.mesh.vertex_is_live(v)), p)
+}
+
+fn nearest(tissue: &Tissue, vertices: impl Iterator<Item = VertexId>, p: DVec3) -> Option<VertexId> {
+    let near = vertices.map(|v| (tissue.position(v).distance_squared(p), v));
+    near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|n| n.1)
 }
 
 fn entry(tissue: &Tissue, tip: DVec3, base: DVec3) -> Option<EntryPoint> {
     tissue.blade_entry(tip, base).map(|(s, _)| EntryPoint { s, rise: 0.0 })
+}
+
+/// Turns normals near a vertex into normals at rest: the transpose of the blended matrix (MATHS 2.3).
+fn rest_from_posed(tissue: &Tissue, near: Option<VertexId>) -> DMat3 {
+    near.map_or(DMat3::IDENTITY, |v| tissue.pose.blended_linear(&tissue.rows, v).transpose())
 }
 
 /// The planes of a box, a flat side's two triangles as one.
@@ -247,6 +385,7 @@ struct BoxPlanes {
     edge_planes: [[u16; 4]; 2],
     /// Plane bits that every vertex on the start joint has.
     start: u16,
+    facets: Facets,
 }
 
 /// Bits of quad edges in tags that wait for the next box.
@@ -254,7 +393,13 @@ type EdgeBits = u16;
 
 impl BoxPlanes {
     fn new(tear_box: &TearBox, flat: f64) -> Self {
-        let mut all = Self { planes: Vec::with_capacity(MAX_PLANES), sides: Vec::new(), edge_planes: [[0; 4]; 2], start: 1 };
+        let mut all = Self {
+            planes: Vec::with_capacity(MAX_PLANES),
+            sides: Vec::new(),
+            edge_planes: [[0; 4]; 2],
+            start: 1,
+            facets: Facets::default(),
+        };
         let push = |all: &mut Self, k: usize| {
             let space = &tear_box.planes[k];
             let plane = Plane::Points(space.points);
@@ -262,11 +407,23 @@ impl BoxPlanes {
             all.sides.push(space.side);
             1u16 << (all.planes.len() - 1)
         };
+        all.facets.corners = tear_box.corners();
+        all.facets.avoided = 1;
         push(&mut all, 0);
+        all.facets.push(&[0, 3, 2, 1]);
         push(&mut all, 1);
+        all.facets.push(&[4, 5, 6, 7]);
         for k in 0..4 {
             let first = push(&mut all, 2 + 2 * k);
-            let second = if tear_box.bulge[k] <= flat { first } else { push(&mut all, 3 + 2 * k) };
+            let is_flat = tear_box.bulge[k] <= flat;
+            if is_flat {
+                let (a, b) = (k as u8, (k as u8 + 1) % 4);
+                all.facets.push(&[a, b, b + 4, a + 4]);
+            } else {
+                all.facets.push(&tear_box.triangles[2 * k]);
+                all.facets.push(&tear_box.triangles[2 * k + 1]);
+            }
+            let second = if is_flat { first } else { push(&mut all, 3 + 2 * k) };
             all.edge_planes[0][k] = first;
             all.edge_planes[1][k] = second;
         }
@@ -281,12 +438,35 @@ impl BoxPlanes {
         if let Plane::Points(points) = &mut self.planes[0] {
             *points = points.map(|p| p + by);
         }
+        for k in 0..4 {
+            let [a, b] = [k, k + 4].map(|c| self.facets.corners[c]);
+            let along = (b - a).normalize_or_zero();
+            let share = along.dot(by.normalize_or_zero()).abs().max(0.1);
+            self.facets.corners[k] = a - along * (by.length() / share);
+        }
         self.start = 0;
+    }
+
+    /// Vertices on the lips of the box before are on this one's sides, however the tissue has moved them.
+    fn tag_lips(&self, lips: &[(VertexId, i8)], tags: &mut Vec<OnPlanes>) {
+        let planes = |side: Side| (0..self.sides.len()).filter(|&k| self.sides[k] == side).fold(0, |m, k| m | 1 << k);
+        let (minus, plus) = (planes(Side::Minus), planes(Side::Plus));
+        tags.extend(lips.iter().map(|l| OnPlanes { vertex: l.0, planes: if l.1 < 0 { minus } else { plus } }));
+        tags.sort_unstable_by_key(|t| t.vertex);
+        tags.dedup_by(|a, b| {
+            b.planes |= if a.vertex == b.vertex { a.planes } else { 0 };
+            a.vertex == b.vertex
+        });
     }
 
     /// Tags for this box from the quad edges that vertices of the box before ended on.
     fn start_tags(&self, ended: &[OnPlanes]) -> Vec<OnPlanes> {
-        let planes = |edges: EdgeBits| (0..4).filter(|k| edges >> k & 1 == 1).fold(self.start, |m, k| m | self.edge_planes[0][k]);
+        let planes = |edges: EdgeBits| {
+            let sides = (0..4).filter(|k| edges >> k & 1 == 1).fold(self.start, |m, k| m | self.edge_planes[0][k]);
+            // where two edges meet is a corner, which lies on every facet that holds it
+            let corners = (0..4u8).filter(|&c| edges >> c & 1 == 1 && edges >> ((c + 3) % 4) & 1 == 1);
+            corners.fold(sides, |m, c| m | self.facets.planes_at(c) & !1)
+        };
         ended.iter().map(|t| OnPlanes { vertex: t.vertex, planes: planes(t.planes) }).collect()
     }
 

@@ -2,7 +2,7 @@
 
 use super::Tissue;
 use super::sections::SECTION_MARGIN;
-use crate::geometry::{FaceId, SectionId, VertexId};
+use crate::geometry::{FaceId, Plane, SectionId, VertexId};
 use glam::DVec3;
 
 impl Tissue {
@@ -18,6 +18,38 @@ impl Tissue {
             }
         }
         out.sort_unstable();
+    }
+
+    /// Bounds that hold the tissue as it is seen, from those of its sections: no vertex is posed. Call
+    /// [`Tissue::refresh_sections`] first.
+    pub(super) fn sections_extent(&self) -> (DVec3, DVec3) {
+        let (up, down) = self.widening();
+        let sections = self.sections.current().iter();
+        let (low, high) = sections.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), s| (l.min(s.0), h.max(s.1)));
+        (low - down, high + up)
+    }
+
+    /// Faces of the sections whose widened posed bounds `plane` crosses or touches, and whether there are faces beyond them on
+    /// its positive and on its negative side. Call [`Tissue::refresh_sections`] first.
+    pub(super) fn faces_across(&self, plane: &Plane, out: &mut Vec<FaceId>) -> [bool; 2] {
+        out.clear();
+        let widen = self.widening();
+        let size = plane.normal().abs();
+        let mut beyond = [false; 2];
+        for (s, &(low, high)) in self.sections.current().iter().enumerate() {
+            let mut faces = self.mesh.section_faces(SectionId::new(s)).peekable();
+            if faces.peek().is_none() {
+                continue;
+            }
+            let (low, high) = (low - widen.1, high + widen.0);
+            let (middle, reach) = (plane.distance((low + high) / 2.0), size.dot((high - low) / 2.0));
+            match middle {
+                m if m > reach => beyond[0] = true,
+                m if m < -reach => beyond[1] = true,
+                _ => out.extend(faces),
+            }
+        }
+        beyond
     }
 
     /// A vertex of the section whose posed bounds are nearest to `p`: near enough to tie a point of space to the tissue.

@@ -79,6 +79,16 @@ fn planes_that_are_none() {
         place.refused(&format!("cut sphere --plane {plane} --out d"), &["--plane", plane, words, "0,1,0,0.05"]);
     }
     assert!(!place.path("d").exists(), "nothing is written for bad input");
+    for (bounded, words) in [
+        ("0,0,0,1,0,0", "nine or twelve"),
+        ("0,0,0,1,0,0,1,0,NaN", "finite"),
+        ("0,0,0,1,0,0,2,0,0", "convex"),
+        ("0,0,0,1,0,0,2,0,1,one", "numbers"),
+    ] {
+        place.refused(&format!("cut sphere --plane 0,1,0,0 --bounded {bounded} --out d"), &["--bounded", bounded, words]);
+    }
+    let both = place.run("cut sphere --plane 0,1,0,0 --bounded 0,0,0,1,0,0,0,0,1 --cap --out d");
+    assert!(both.code == 2 && both.stderr.contains("--cap") && !place.path("d").exists());
     place.refused("cut sphere --out d", &["--plane"]);
     place.refused("cut sphere --plane 1,0,0,0", &["--out"]);
 }
@@ -87,16 +97,17 @@ fn planes_that_are_none() {
 fn widths_and_walls() {
     let place = Place::new();
     place.write("path.json", ACROSS_THE_BEAM);
-    for width in ["-0.01", "NaN", "0", "inf"] {
-        place.refused(&format!("tear beam --path path.json --width {width} --out t.glb"), &["--width", width, "above 0"]);
+    for width in ["-0.01", "NaN", "inf"] {
+        place.refused(&format!("tear beam --path path.json --width {width} --out t.glb"), &["--width", width, "0 or more"]);
     }
     place.refused("tear beam --path path.json --width 1e3 --out t.glb", &["--width", "diagonal"]);
     place.refused("tear beam --path path.json --width wide --out t.glb", &["--width", "wide"]);
     place.refused("tear beam --path path.json --out t.glb", &["--width"]);
-    place.refused("tear beam --path path.json --width 0.01 --wall closed --out t.glb", &["--wall closed", "not built yet"]);
+    place
+        .refused("tear beam --path path.json --width 0 --wall closed --out t.glb", &["--wall closed", "--width 0", "two sheets"]);
     place.refused("tear beam --path path.json --width 0.01 --wall ajar --out t.glb", &["--wall", "ajar"]);
     place.refused("tear beam --path path.json --width 0.01 --no-particles --map-out m.json --out t.glb", &["--map-out"]);
-    place.refused("tear beam --path path.json --width=-inf --out t.glb", &["--width -inf", "above 0"]);
+    place.refused("tear beam --path path.json --width=-inf --out t.glb", &["--width -inf", "0 or more"]);
     assert!(!place.path("t.glb").exists());
 }
 

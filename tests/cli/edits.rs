@@ -137,13 +137,22 @@ fn a_plane_that_misses_changes_nothing() {
 }
 
 #[test]
-fn caps_are_asked_for_in_vain_but_not_in_silence() {
+fn capped_pieces_are_closed_in_the_report_and_in_the_files() {
     let place = Place::new();
-    let ran = place.run("cut sphere --plane 0,1,0,0 --cap --out pieces --json");
-    assert_eq!(ran.code, 0);
-    assert!(ran.stderr.contains("caps are not built yet"), "{}", ran.stderr);
-    let edit: Value = serde_json::from_str(&ran.stdout).unwrap();
-    assert!(list(&edit["pieces"]).iter().all(|p| p["closed"] == false), "and the report does not claim one");
+    for ending in ["glb", "obj"] {
+        let edit = cut(&place, "heart", "--plane 0,1,0.15,0.01 --cap --no-particles", ending);
+        assert_eq!((list(&edit["pieces"]).len(), count(&edit["caps"]["loops"])), (2, 4));
+        assert!(list(&edit["pieces"]).iter().all(|p| p["closed"] == true));
+        let sum: f64 = list(&edit["pieces"]).iter().map(|p| number(&p["volume"])).sum();
+        close(sum, number(&edit["volume_before"]), 1e-6);
+        for i in 0..2 {
+            let piece = place.ok_json(&format!("inspect pieces-{ending}/piece-{i}.{ending}"));
+            assert_eq!(piece["closed"], true, "piece-{i}.{ending}");
+        }
+    }
+    // the twin: without --cap both stay open
+    let open = cut(&place, "heart", "--plane 0,1,0.15,0.01 --no-particles", "glb");
+    assert!(list(&open["pieces"]).iter().all(|p| p["closed"] == false));
 }
 
 #[test]
@@ -211,6 +220,53 @@ fn check_boxes(text: &str, at_least: usize) {
     let longest = text.lines().filter(|l| l.starts_with("v ")).flat_map(|l| l.split(' ')).map(|w| w.split('e').next().unwrap());
     let digits = |w: &str| w.trim_start_matches(['-', '0', '.']).bytes().filter(u8::is_ascii_digit).count();
     assert!(longest.map(digits).max() >= Some(16), "17 significant digits");
+}
+
+/// Opened edges lie on top of one another, so what is written has to keep them apart.
+#[test]
+fn width_zero_takes_nothing_out_and_stays_open_in_files() {
+    let place = Place::new();
+    place.write("path.json", ACROSS_THE_BEAM);
+    let whole = place.ok_json("inspect beam");
+    for (ending, more) in [("glb", "--map-out map.json"), ("obj", "--no-particles")] {
+        let edit = place.ok_json(&format!("tear beam --path path.json --width 0 --out slit.{ending} --boxes strips.obj {more}"));
+        check_tear(&edit);
+        assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("torn"), 1));
+        assert_eq!(number(&edit["area_removed"]), 0.0);
+        close(areas(&edit), number(&edit["area_before"]), 1e-12);
+        let found = place.ok_json(&format!("inspect slit.{ending}"));
+        assert_eq!((count(&found["non_manifold_edges"]), count(&found["components"])), (0, 1));
+        assert!(count(&found["boundary_edges"]) >= 2 + count(&whole["boundary_edges"]));
+        assert_eq!(found["boundary_edges"], edit["pieces"][0]["boundary_edges"], "{ending}");
+        let strips = place.read("strips.obj");
+        let count_of = |start: &str| strips.lines().filter(|l| l.starts_with(start)).count();
+        assert_eq!((count_of("v "), count_of("f ")), (4 * count_of("o chain"), 2 * count_of("o chain")));
+        assert!(count_of("o chain0_slit") > 0 && count_of("o chain") >= list(&edit["segments"]).len());
+    }
+    let map = place.json("map.json");
+    check_map(&map);
+    assert!(!list(&map["strips"]).is_empty());
+    place.write("path.json", THROUGH_THE_BEAM);
+    let edit = place.ok_json("tear beam --path path.json --width 0 --out torn.glb");
+    assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("severed"), 2));
+    close(areas(&edit), number(&edit["area_before"]), 1e-12);
+    assert_eq!(count(&place.ok_json("inspect torn.glb")["components"]), 2);
+}
+
+#[test]
+fn a_bounded_cut_ends_where_the_blade_did() {
+    let place = Place::new();
+    let part = "cut sphere --plane 0,1,0,0.01 --bounded -9,0,0.5,9,0,0.5,9,0,9,-9,0,9";
+    let edit = place.ok_json(&format!("{part} --out part"));
+    assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("missed"), 1), "the sphere is smaller");
+    let edit = place.ok_json("cut sphere --plane 0,1,0,0.01 --bounded -9,0,0.01,9,0,0.01,9,0,9,-9,0,9 --out part");
+    assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("cut"), 1));
+    close(areas(&edit), number(&edit["area_before"]), 1e-12);
+    assert!(number(&edit["max_plane_distance"]) < 1e-9 && count(&edit["pieces"][0]["boundary_edges"]) > 0);
+    let edit = place.ok_json("cut sphere --plane 0,1,0,0.01 --bounded -9,0,-9,9,0,-9,9,0,9,-9,0,9 --out all");
+    assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("cut"), 2), "it severs");
+    let sides: Vec<_> = list(&edit["pieces"]).iter().map(|p| p["side"].clone()).collect();
+    assert_eq!(sides, ["positive", "negative"]);
 }
 
 #[test]

@@ -211,8 +211,8 @@ fn scripts_that_cannot_be_played() {
         ("model = \"beam\"\n[particles]\nspacing = 0.1\nradius = 0.05\n", &["line 4", "radius"]),
         ("model = beam\n", &["line 1"]),
         (&format!("model = \"beam\"\n{tear_without}"), &["line 7", "base"]),
-        (&format!("model = \"beam\"\n[tear]\nwall = \"closed\"\n{TEAR}"), &["wall", "not built yet"]),
-        (&format!("model = \"beam\"\n[tear]\nwidth = 0\n{TEAR}"), &["width", "above 0"]),
+        (&format!("model = \"beam\"\n[tear]\nwall = \"ajar\"\n{TEAR}"), &["line 3", "ajar"]),
+        (&format!("model = \"beam\"\n[tear]\nwidth = 0\nwall = \"closed\"\n{TEAR}"), &["wall", "width = 0", "two sheets"]),
     ] {
         place.write("bad.toml", text);
         let mut all = words.to_vec();

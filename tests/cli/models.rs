@@ -6,7 +6,7 @@ use super::support::{Is, Place, close, count, has, list, number, point};
 #[test]
 fn every_sub_command_has_help() {
     let place = Place::new();
-    for command in ["", "inspect", "cut", "tear", "particles", "generate"] {
+    for command in ["", "inspect", "cut", "tear", "particles", "generate", "bench"] {
         let help = place.ok(&format!("{command} --help"));
         assert!(help.contains("Usage: incise"), "{help}");
     }

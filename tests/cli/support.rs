@@ -46,6 +46,8 @@ impl Place {
     /// The same with environment variables.
     pub fn run_with(&self, arguments: &str, environment: &[(&str, &str)]) -> Ran {
         let mut command = Command::new(env!("CARGO_BIN_EXE_incise"));
+        // A machine with a display would get a window from plain `incise`.
+        command.env_remove("DISPLAY").env_remove("WAYLAND_DISPLAY").env_remove("WAYLAND_SOCKET");
         command.args(arguments.split_whitespace()).current_dir(self.folder.path());
         command.envs(environment.iter().copied());
         let Output { status, stdout, stderr } = command.output().unwrap();

@@ -1,7 +1,9 @@
 //! Small meshes and measures for the laws.
 #![allow(dead_code, missing_docs)]
 
+pub mod bodies;
 pub mod models;
+pub mod reference;
 
 use glam::DVec3;
 use incise::geometry::{FaceId, HalfEdge, Mesh, VertexId, Wedge, WedgeId};

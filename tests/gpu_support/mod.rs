@@ -1,6 +1,8 @@
 //! Generated tissues for the GPU tests: everything a view borrows, in one place.
 #![allow(dead_code)] // each test binary uses its part
 
+pub mod golden;
+
 use glam::{DAffine3, DQuat, DVec3};
 use incise::geometry::{Mesh, SlotCsr, VertexId, Wedge, WedgeId};
 use incise::gpu::{AdapterChoice, Context, ContextOptions, MaterialView, TissueView, ViewVersions};
@@ -10,7 +12,13 @@ use std::sync::Arc;
 
 /// A software adapter if there is one (pictures are compared on it), else any.
 pub fn context() -> Arc<Context> {
-    let open = |adapter| Context::headless(ContextOptions { adapter });
+    let open = |adapter| Context::headless(ContextOptions { adapter, ..Default::default() });
+    Arc::new(open(AdapterChoice::Software).or_else(|_| open(AdapterChoice::Best)).expect("a graphics adapter"))
+}
+
+/// The same without what an adapter may lack: multiview, timestamps.
+pub fn plain_context() -> Arc<Context> {
+    let open = |adapter| Context::headless(ContextOptions { adapter, plain: true });
     Arc::new(open(AdapterChoice::Software).or_else(|_| open(AdapterChoice::Best)).expect("a graphics adapter"))
 }
 

@@ -1,0 +1,161 @@
+//! The CPU's side of a frame at 18k faces and 224 particles, without wgpu's own submit: tools, pose, physics, upload notes and
+//! the encoding of deform, shadow and view, while the model moves and while it sleeps. Prints medians, and what a frame did.
+
+use incise::app::{App, FrameCounters, FrameTarget, FrameView};
+use incise::diagnostics::Stages;
+use incise::formats;
+use incise::geometry::VertexId;
+use incise::gpu::{Camera, ColourTarget, Context, ContextOptions, DrawOptions, GpuError, RenderTarget, ViewPose, ViewSet};
+use incise::host::mirror::Mirror;
+use incise::input::InputFrame;
+use incise::particles::ParticleSettings;
+use incise::physics::NetworkSettings;
+use incise::scene::{EditCommand, Scene, SceneSettings};
+use incise::surgery::SamplingSettings;
+use incise::tissue::{Tissue, TissueSettings};
+use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
+use std::alloc::System;
+use std::sync::Arc;
+use std::time::Instant;
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+fn allocations() -> u64 {
+    let stats = ALLOCATOR.stats();
+    (stats.allocations + stats.reallocations) as u64
+}
+
+const FRAMES: usize = 400;
+
+/// Times everything but the submission.
+struct Target {
+    mirror: Mirror,
+    colour: ColourTarget,
+    views: [ViewPose; 1],
+    sync_ms: f64,
+    encode_ms: f64,
+    submit_ms: f64,
+    sync_allocations: u64,
+}
+
+impl Target {
+    fn new(camera: &Camera) -> Self {
+        let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
+        println!("adapter: {}", context.adapter_name());
+        let texture = context.device().create_texture(&wgpu::TextureDescriptor {
+            label: None,
+            size: wgpu::Extent3d { width: 64, height: 64, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Bgra8UnormSrgb,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+            view_formats: &[],
+        });
+        Self {
+            colour: ColourTarget::of_texture(&texture, texture.format()),
+            mirror: Mirror::new(context),
+            views: [ViewPose::from_camera(camera, 1.0).expect("a view")],
+            sync_ms: 0.0,
+            encode_ms: 0.0,
+            submit_ms: 0.0,
+            sync_allocations: 0,
+        }
+    }
+}
+
+impl FrameTarget for Target {
+    type Error = GpuError;
+
+    fn present(&mut self, view: &FrameView, _: &mut Stages, counters: &mut FrameCounters) -> Result<(), GpuError> {
+        let ms = |start: Instant| start.elapsed().as_secs_f64() * 1e3;
+        let (start, before) = (Instant::now(), allocations());
+        self.mirror.sync(view)?;
+        let lines = self.mirror.layer_lines(view);
+        (self.sync_ms, self.sync_allocations) = (ms(start), allocations() - before);
+        let context = self.mirror.renderer().context().clone();
+        let start = Instant::now();
+        let mut encoder = context.device().create_command_encoder(&Default::default());
+        let options = DrawOptions { lines: &lines, ..Default::default() };
+        let target = RenderTarget::new(&self.colour);
+        self.mirror.renderer_mut().encode(&mut encoder, &ViewSet::new(&self.views), &target, &options)?;
+        self.encode_ms = ms(start);
+        let start = Instant::now();
+        context.queue().submit([encoder.finish()]);
+        context.wait()?;
+        self.submit_ms = ms(start);
+        self.mirror.count(counters);
+        Ok(())
+    }
+}
+
+fn app() -> App {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("heart.glb");
+    std::fs::write(&path, formats::generate("heart", Some(18_000)).expect("bundled")).expect("writable");
+    let model = formats::load(path.to_str().expect("UTF-8")).expect("loads");
+    let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
+    let settings = TissueSettings {
+        particles: Some(ParticleSettings::for_model(&model.mesh, &rest)),
+        network: NetworkSettings::SOFT,
+        opening_s: 0.4,
+        section_faces: 64,
+        fade_s: 0.25,
+    };
+    println!("faces: {}", model.mesh.live_faces().count());
+    let tissue = Tissue::new(model, &settings).expect("a tissue");
+    println!("particles: {}", tissue.layer().map_or(0, |l| l.map.len()));
+    let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
+    App::new(Scene::new(tissue, tools), 1.0, allocations)
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[values.len() / 2]
+}
+
+/// Runs frames and prints their medians; the first ones are left out.
+fn measure(name: &str, app: &mut App, target: &mut Target, first: usize, animated: bool) {
+    let (mut app_ms, mut sync_ms, mut encode_ms, mut all_ms) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut last = FrameCounters::default();
+    for k in 0..FRAMES {
+        let time_s = if animated { (first + k) as f64 / 90.0 } else { 0.0 };
+        let input = InputFrame { time_s, step_s: 1.0 / 90.0, ..InputFrame::default() };
+        let start = Instant::now();
+        let report = app.frame(&input, target).expect("a frame");
+        let whole = start.elapsed().as_secs_f64() * 1e3 - target.submit_ms;
+        if k >= FRAMES / 4 {
+            app_ms.push(whole - target.sync_ms - target.encode_ms);
+            sync_ms.push(target.sync_ms);
+            encode_ms.push(target.encode_ms);
+            all_ms.push(whole);
+            last = report.counters;
+        }
+    }
+    println!(
+        "{name}: {:.4} ms (app {:.4}, sync {:.4}, encode {:.4}); allocations {} + {}, dispatches {}, bytes {}, awake {}",
+        median(&mut all_ms),
+        median(&mut app_ms),
+        median(&mut sync_ms),
+        median(&mut encode_ms),
+        last.allocations,
+        target.sync_allocations,
+        last.dispatches,
+        last.bytes_uploaded,
+        last.particles_awake
+    );
+}
+
+fn main() {
+    let mut app = app();
+    let camera = Camera { eye: glam::DVec3::new(0.05, 0.04, 0.26), target: glam::DVec3::ZERO, up: glam::DVec3::Y, fov_y: 0.7 };
+    let mut target = Target::new(&camera);
+    measure("asleep", &mut app, &mut target, 0, false);
+    app.scene.set_animation(Some(0));
+    // A hand that holds a few particles keeps the springs awake.
+    let center = glam::DVec3::new(0.0, 0.0, 0.045);
+    app.scene.edit(EditCommand::GrabBegin { id: 1, center, radius: 0.02 });
+    app.scene.edit(EditCommand::GrabMove { id: 1, by: glam::DVec3::new(0.0, 0.0, 0.01) });
+    measure("active", &mut app, &mut target, FRAMES, true);
+}

@@ -1,0 +1,97 @@
+//! The one staging belt: all uploads of a frame and the moves between them, noted in order and encoded together, so that an
+//! edit of many small ranges costs no buffer each and an arena that grows in the middle loses nothing.
+
+use super::context::Context;
+
+/// What was noted.
+#[derive(Debug)]
+enum Step {
+    /// Bytes `start..start + len` of the notes, to a place of a buffer.
+    Write { target: wgpu::Buffer, offset: u64, start: usize, len: usize },
+    /// Bytes of one buffer to another.
+    Copy { from: (wgpu::Buffer, u64), to: (wgpu::Buffer, u64), len: u64 },
+}
+
+/// Notes of uploads and copies, in order.
+#[derive(Debug)]
+pub struct Belt {
+    staging: wgpu::util::StagingBelt,
+    bytes: Vec<u8>,
+    steps: Vec<Step>,
+    uploaded: u64,
+}
+
+/// Staging memory comes in pieces of this size, or larger where one write is.
+const PIECE: u64 = 256 << 10;
+/// After an upload larger than this (a new model) the memory for it is given back.
+const KEEP: usize = 16 << 20;
+
+impl Belt {
+    /// Nothing noted.
+    pub fn new(context: &Context) -> Self {
+        let staging = wgpu::util::StagingBelt::new(context.device().clone(), PIECE);
+        Self { staging, bytes: Vec::new(), steps: Vec::new(), uploaded: 0 }
+    }
+
+    /// Bytes noted for upload so far, in all.
+    pub fn bytes_uploaded(&self) -> u64 {
+        self.uploaded
+    }
+
+    /// Counts an upload that goes another way.
+    pub fn count(&mut self, bytes: usize) {
+        self.uploaded += bytes as u64;
+    }
+
+    /// Notes an upload of plain values to a place of a buffer.
+    pub fn write<T: bytemuck::Pod>(&mut self, target: &wgpu::Buffer, offset: u64, values: &[T]) {
+        self.write_each(target, offset, values.iter().copied());
+    }
+
+    /// Notes an upload of what an iterator gives.
+    pub fn write_each<T: bytemuck::Pod>(&mut self, target: &wgpu::Buffer, offset: u64, values: impl Iterator<Item = T>) {
+        let start = self.bytes.len();
+        values.for_each(|v| self.bytes.extend_from_slice(bytemuck::bytes_of(&v)));
+        let len = self.bytes.len() - start;
+        if len > 0 {
+            self.steps.push(Step::Write { target: target.clone(), offset, start, len });
+            self.uploaded += len as u64;
+        }
+    }
+
+    /// Notes a copy on the GPU, after everything noted before.
+    pub fn copy(&mut self, from: (&wgpu::Buffer, u64), to: (&wgpu::Buffer, u64), len: u64) {
+        if len > 0 {
+            self.steps.push(Step::Copy { from: (from.0.clone(), from.1), to: (to.0.clone(), to.1), len });
+        }
+    }
+
+    /// Encodes everything noted. The encoder must be submitted.
+    pub fn flush(&mut self, context: &Context, encoder: &mut wgpu::CommandEncoder) {
+        if self.steps.is_empty() {
+            return;
+        }
+        if context.check().is_err() {
+            // A lost device maps no memory; whoever comes next begins with everything anew.
+            self.steps.clear();
+            self.bytes.clear();
+            return;
+        }
+        for step in self.steps.drain(..) {
+            match step {
+                Step::Write { target, offset, start, len } => {
+                    let Some(size) = wgpu::BufferSize::new(len as u64) else { continue };
+                    let mut view = self.staging.write_buffer(encoder, &target, offset, size);
+                    view.copy_from_slice(&self.bytes[start..start + len]);
+                }
+                Step::Copy { from, to, len } => encoder.copy_buffer_to_buffer(&from.0, from.1, &to.0, to.1, len),
+            }
+        }
+        self.staging.finish_and_recall_on_submit(encoder);
+        if self.bytes.len() > KEEP {
+            self.bytes = Vec::new();
+            self.staging = wgpu::util::StagingBelt::new(context.device().clone(), PIECE);
+        }
+        self.bytes.clear();
+    }
+}

@@ -1,0 +1,495 @@
+//! The window and its event loop.
+
+use super::keys::{self, KeyCommand};
+use super::screen::{Acquired, Screen, Shot, WindowTarget};
+use super::session::{Session, Wish};
+use super::{DesktopError, DesktopRun, Loaded, Setup};
+use crate::gpu::GpuError;
+use crate::gpu::ui::UiFrame;
+use crate::input::tools::{Button, Modifiers};
+use crate::panel::{Panel, PanelAction};
+use egui_winit::egui::ViewportId;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::application::ApplicationHandler;
+use winit::dpi::{LogicalSize, PhysicalPosition};
+use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop, EventLoopProxy};
+use winit::keyboard::{Key, ModifiersState, NamedKey};
+use winit::window::{Fullscreen, Window, WindowId};
+
+/// Time between frames of a window that another one covers or that has not the focus.
+const BACKGROUND: Duration = Duration::from_millis(100);
+/// Least size of the window, points.
+const LEAST_SIZE: (u32, u32) = (480, 320);
+
+/// What reaches the loop from outside the window system.
+#[derive(Debug)]
+enum Wake {
+    /// The panel wants to be drawn again after this long.
+    Repaint(Duration),
+    /// A model has been loaded, or could not be.
+    Loaded,
+    /// The system's dialog was answered.
+    Chosen(Option<PathBuf>),
+}
+
+pub(super) fn run(setup: Setup, first: Loaded) -> Result<DesktopRun, DesktopError> {
+    // A missing libxkbcommon-x11 makes the window library panic rather than say so.
+    let built = std::panic::catch_unwind(|| EventLoop::<Wake>::with_user_event().build());
+    let events = match built {
+        Ok(Ok(events)) => events,
+        Ok(Err(why)) => return Err(DesktopError::NoDisplay(why.to_string())),
+        Err(_) => {
+            let hint =
+                "a library of the window system is missing: `apt-get install libxkbcommon-x11-0 libx11-xcb1 libxcursor1 libxi6`";
+            return Err(DesktopError::NoDisplay(hint.into()));
+        }
+    };
+    let proxy = events.create_proxy();
+    let mut desktop = Desktop { begin: Some((setup, first)), live: None, proxy, failure: None };
+    events.run_app(&mut desktop).map_err(|e| DesktopError::NoWindow(e.to_string()))?;
+    if let Some(failure) = desktop.failure {
+        return Err(failure);
+    }
+    Ok(desktop.live.map(Live::finish).unwrap_or_default())
+}
+
+struct Desktop {
+    begin: Option<(Setup, Loaded)>,
+    live: Option<Live>,
+    proxy: EventLoopProxy<Wake>,
+    failure: Option<DesktopError>,
+}
+
+/// A window that is open.
+struct Live {
+    window: Arc<Window>,
+    screen: Screen,
+    panel: Panel,
+    events: egui_winit::State,
+    session: Session,
+    proxy: EventLoopProxy<Wake>,
+    keys: ModifiersState,
+    cursor: PhysicalPosition<f64>,
+    /// What the panel leaves of the window, pixels: left, top, right, bottom.
+    canvas: [f64; 4],
+    focused: bool,
+    hidden: bool,
+    wake_at: Option<Instant>,
+    last_frame: Instant,
+    shots: u32,
+    wants_shot: bool,
+    closing: bool,
+}
+
+impl ApplicationHandler<Wake> for Desktop {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        let Some((setup, first)) = self.begin.take() else { return };
+        match Live::open(events, setup, first, self.proxy.clone()) {
+            Ok(live) => self.live = Some(live),
+            Err(why) => {
+                self.failure = Some(why);
+                events.exit();
+            }
+        }
+    }
+
+    fn user_event(&mut self, _: &ActiveEventLoop, event: Wake) {
+        let Some(live) = &mut self.live else { return };
+        match event {
+            Wake::Repaint(after) => live.repaint_in(after),
+            Wake::Loaded => live.window.request_redraw(),
+            Wake::Chosen(file) => {
+                if let Some(file) = file {
+                    live.act(PanelAction::Open(file.display().to_string()));
+                }
+            }
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some(live) = &mut self.live else { return };
+        let result = live.handle(event);
+        if let Err(why) = result {
+            self.failure = Some(why);
+        }
+        if live.closing || self.failure.is_some() {
+            events.exit();
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        let Some(live) = &mut self.live else { return };
+        events.set_control_flow(live.schedule());
+    }
+}
+
+impl Live {
+    fn open(events: &ActiveEventLoop, setup: Setup, first: Loaded, proxy: EventLoopProxy<Wake>) -> Result<Self, DesktopError> {
+        let attributes = Window::default_attributes()
+            .with_title(format!("Incise: {}", first.name))
+            .with_inner_size(LogicalSize::new(setup.size.0, setup.size.1))
+            .with_min_inner_size(LogicalSize::new(LEAST_SIZE.0, LEAST_SIZE.1));
+        let window = Arc::new(events.create_window(attributes).map_err(|e| DesktopError::NoWindow(e.to_string()))?);
+        let screen = Screen::new(events, &window)?;
+        let (panel, state) = panel_on(events, &window, &screen, &proxy);
+        let waker = proxy.clone();
+        let wake = move || -> Box<dyn FnOnce() + Send> {
+            let proxy = waker.clone();
+            Box::new(move || drop(proxy.send_event(Wake::Loaded)))
+        };
+        let scale = window.scale_factor();
+        let (width, height) = screen.size();
+        let canvas = [f64::from(crate::panel::WIDTH) * scale, 0.0, f64::from(width), f64::from(height)];
+        let size = [canvas[2] - canvas[0], canvas[3]];
+        let mut session = Session::new(setup, first, size, Box::new(wake));
+        session.panel.adapter = screen.adapter_name().to_string();
+        window.request_redraw();
+        Ok(Self {
+            window,
+            screen,
+            panel,
+            events: state,
+            session,
+            proxy,
+            keys: ModifiersState::empty(),
+            cursor: PhysicalPosition::new(0.0, 0.0),
+            canvas,
+            focused: true,
+            hidden: false,
+            wake_at: None,
+            last_frame: Instant::now(),
+            shots: 0,
+            wants_shot: false,
+            closing: false,
+        })
+    }
+
+    /// Sees to it that there is a frame `after` this long; never is never.
+    fn repaint_in(&mut self, after: Duration) {
+        if after.is_zero() {
+            self.window.request_redraw();
+        } else if let Some(at) = Instant::now().checked_add(after) {
+            self.wake_at = Some(self.wake_at.map_or(at, |other| other.min(at)));
+        }
+    }
+
+    /// Asks for the frames that are due and says how long to wait.
+    fn schedule(&mut self) -> ControlFlow {
+        let now = Instant::now();
+        if self.wake_at.is_some_and(|at| at <= now) {
+            self.wake_at = None;
+            self.window.request_redraw();
+        }
+        let mut next = self.wake_at;
+        if self.session.wants_frame() && !self.hidden {
+            let due = if self.focused { now } else { self.last_frame + BACKGROUND };
+            if due <= now {
+                self.window.request_redraw();
+            } else {
+                next = Some(next.map_or(due, |other| other.min(due)));
+            }
+        }
+        next.map_or(ControlFlow::Wait, ControlFlow::WaitUntil)
+    }
+
+    fn size(&self) -> [f64; 2] {
+        [(self.canvas[2] - self.canvas[0]).max(1.0), (self.canvas[3] - self.canvas[1]).max(1.0)]
+    }
+
+    fn act(&mut self, action: PanelAction) {
+        self.session.act(action, self.size());
+        self.window.request_redraw();
+    }
+
+    fn modifiers(&self) -> Modifiers {
+        let keys = self.keys;
+        Modifiers { shift: keys.shift_key(), ctrl: keys.control_key() || keys.super_key(), alt: keys.alt_key() }
+    }
+
+    /// The cursor is over the picture, not over the panel or a window of it.
+    fn on_canvas(&self) -> bool {
+        let PhysicalPosition { x, y } = self.cursor;
+        let [left, top, right, bottom] = self.canvas;
+        let scale = f64::from(self.panel.context().pixels_per_point());
+        (left..right).contains(&x) && (top..bottom).contains(&y) && !self.panel.covers((x / scale) as f32, (y / scale) as f32)
+    }
+
+    fn handle(&mut self, event: WindowEvent) -> Result<(), DesktopError> {
+        if matches!(event, WindowEvent::RedrawRequested) {
+            return self.draw(); // egui would answer each with a wish for another
+        }
+        // keys are the panel's only while it is being typed into: else a button in focus would take them
+        let for_panel = !matches!(event, WindowEvent::KeyboardInput { .. }) || self.panel.is_typing();
+        if for_panel && self.events.on_window_event(&self.window, &event).repaint {
+            self.window.request_redraw();
+        }
+        let keys = self.modifiers();
+        match event {
+            WindowEvent::CloseRequested => self.closing = true,
+            WindowEvent::Resized(size) => {
+                self.hidden = size.width == 0 || size.height == 0;
+                self.screen.resize(size.width, size.height);
+                self.session.touch();
+            }
+            WindowEvent::Occluded(hidden) => self.hidden = hidden,
+            WindowEvent::Focused(focused) => {
+                self.focused = focused;
+                if !focused {
+                    self.session.with_tools(|tools, _, _, out| tools.cancel(out));
+                }
+            }
+            WindowEvent::ModifiersChanged(keys) => self.keys = keys.state(),
+            WindowEvent::CursorMoved { position, .. } => self.moved(position),
+            WindowEvent::MouseInput { state, button, .. } => {
+                let button = match button {
+                    MouseButton::Left => Button::Left,
+                    MouseButton::Middle => Button::Middle,
+                    MouseButton::Right => Button::Right,
+                    _ => return Ok(()),
+                };
+                if state == ElementState::Released {
+                    self.session.with_tools(|tools, _, _, out| tools.release(button, out));
+                } else if self.on_canvas() {
+                    self.session.with_tools(|tools, t, scene, out| tools.press(button, keys, t, scene, out));
+                }
+            }
+            WindowEvent::MouseWheel { delta, .. } if self.on_canvas() || self.session.tools.is_busy() => {
+                let notches = match delta {
+                    // shift turns the wheel sideways on some systems
+                    MouseScrollDelta::LineDelta(x, y) => f64::from(if y == 0.0 { x } else { y }),
+                    MouseScrollDelta::PixelDelta(by) => (if by.y == 0.0 { by.x } else { by.y }) / 40.0,
+                };
+                self.session.with_tools(|tools, t, scene, out| tools.wheel(notches, keys, t, scene, out));
+            }
+            WindowEvent::PinchGesture { delta, .. } if self.on_canvas() => {
+                self.session.with_tools(|tools, _, scene, _| tools.zoom(1.0 / (1.0 + delta).max(0.1), scene));
+            }
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if !self.panel.is_typing() => self.key(&event),
+            WindowEvent::DroppedFile(file) => self.act(PanelAction::Open(file.display().to_string())),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn moved(&mut self, position: PhysicalPosition<f64>) {
+        self.cursor = position;
+        let pixel = [position.x - self.canvas[0], position.y - self.canvas[1]];
+        let busy = self.session.tools.is_busy();
+        let (time_s, scene) = (self.session.gesture_time_s(), &self.session.app.scene);
+        if busy {
+            self.session.with_tools(|tools, t, scene, out| tools.moved(pixel, t, scene, out));
+        } else {
+            // a cursor that only passes by changes nothing that is seen
+            let mut none = Vec::new();
+            self.session.tools.moved(pixel, time_s, scene, &mut none);
+        }
+    }
+
+    fn key(&mut self, event: &KeyEvent) {
+        let keys = self.modifiers();
+        let space = event.logical_key == Key::Named(NamedKey::Space);
+        if event.state == ElementState::Released {
+            if space {
+                self.session.with_tools(|tools, t, scene, out| tools.squeeze(false, t, scene, out));
+            }
+            return;
+        }
+        let Some(command) = keys::command(&event.logical_key, keys.ctrl, keys.shift) else { return };
+        let panel = &mut self.session.panel;
+        match command {
+            KeyCommand::Panel(action) => return self.act(action),
+            KeyCommand::TogglePause => return self.act(PanelAction::Pause(!self.session.panel.paused)),
+            KeyCommand::ToggleRecord => return self.act(PanelAction::Record(!self.session.panel.recording)),
+            KeyCommand::ToggleHelp => panel.help = !panel.help,
+            KeyCommand::TogglePanel => panel.open = !panel.open,
+            KeyCommand::ToggleFullScreen => {
+                let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
+                self.window.set_fullscreen(full);
+            }
+            KeyCommand::Orbit(right, up) => self.session.tools.camera.turn(0.08 * right, 0.08 * up),
+            KeyCommand::Zoom(notches) => {
+                self.session.with_tools(|tools, _, scene, _| tools.zoom(0.88f64.powf(notches), scene));
+            }
+            KeyCommand::Deepen(notches) => {
+                let [low, high] = panel.depth_range;
+                panel.depth = (panel.depth * 1.15f64.powf(notches)).clamp(low, high);
+            }
+            KeyCommand::Lean(notches) => panel.tilt = (panel.tilt + 0.1 * notches).clamp(-1.2, 1.2),
+            KeyCommand::Squeeze if event.repeat => return,
+            KeyCommand::Squeeze => {
+                self.session.with_tools(|tools, t, scene, out| tools.squeeze(true, t, scene, out));
+            }
+            KeyCommand::Cancel => {
+                panel.notice = None;
+                panel.help = false;
+                self.session.with_tools(|tools, _, _, out| tools.cancel(out));
+            }
+            KeyCommand::Quit => self.closing = true,
+        }
+        self.session.take_panel_values();
+        self.session.touch();
+    }
+
+    fn draw(&mut self) -> Result<(), DesktopError> {
+        let frame = match self.screen.acquire() {
+            Acquired::Frame(frame) => frame,
+            Acquired::Again => {
+                self.window.request_redraw();
+                return Ok(());
+            }
+            Acquired::Hidden => return Ok(()),
+        };
+        self.session.take_loaded(self.size());
+        let raw = self.events.take_egui_input(&self.window);
+        let ui = self.panel.run(raw, &mut self.session.panel);
+        self.events.handle_platform_output(&self.window, ui.platform);
+        let scale = f64::from(ui.pixels_per_point);
+        let before = self.canvas;
+        self.canvas = ui.canvas.map(|edge| f64::from(edge) * scale);
+        if self.canvas != before {
+            self.session.tools.resize(self.size());
+        }
+        for action in ui.actions {
+            self.session.act(action, self.size());
+        }
+        self.session.take_panel_values();
+        self.carry_out_wishes();
+        if std::mem::take(&mut self.session.scene_changed) {
+            self.screen.forget();
+            self.window.set_title(&format!("Incise: {}", self.session.panel.model));
+        }
+        let now = Instant::now();
+        self.last_frame = now;
+        let input = self.session.next_input(now);
+        let recording = self.session.panel.recording;
+        let mut target = WindowTarget {
+            camera: self.session.tools.camera.pose(),
+            preview: self.session.preview(),
+            screen: &mut self.screen,
+            frame: Some(frame),
+            ui: Some(UiFrame { jobs: ui.jobs, textures: ui.textures, pixels_per_point: ui.pixels_per_point }),
+            left: self.canvas[0],
+            wants_shot: std::mem::take(&mut self.wants_shot) || recording,
+            shot: None,
+            window: &self.window,
+        };
+        match self.session.app.frame(&input, &mut target) {
+            Ok(report) => {
+                let shot = target.shot.take();
+                self.session.frame_done(report, [self.canvas[0], self.canvas[1]]);
+                if let Some(shot) = shot {
+                    self.write_shot(shot, recording);
+                }
+            }
+            Err(GpuError::Lost(why)) => {
+                tracing::warn!("the GPU was lost ({why}); starting another device");
+                self.screen.replace_lost_device()?;
+                self.panel = Panel::new();
+                self.events = state_of(&self.panel, &self.window, &self.screen, &self.window);
+                attach(&self.panel, &self.proxy);
+                self.session.touch();
+            }
+            Err(why) => {
+                // a model that does not fit: say so, and go back to one that does
+                self.session.panel.fail(why.to_string());
+                self.session.act(PanelAction::Open("beam".into()), self.size());
+            }
+        }
+        self.repaint_in(ui.repaint_after);
+        Ok(())
+    }
+
+    fn carry_out_wishes(&mut self) {
+        for wish in std::mem::take(&mut self.session.wishes) {
+            match wish {
+                Wish::Vsync(on) => self.screen.set_vsync(on),
+                Wish::Screenshot if self.screen.is_readable() => self.wants_shot = true,
+                Wish::Screenshot => self
+                    .session
+                    .panel
+                    .fail("this display's pictures cannot be read back; use the system's own screenshot, or `incise headless`"),
+                Wish::OpenDialog => self.ask_for_file(),
+            }
+        }
+    }
+
+    /// The system's dialog; the answer comes as an event.
+    fn ask_for_file(&self) {
+        let dialog = rfd::AsyncFileDialog::new()
+            .set_title("Open a model")
+            .add_filter("Models", &["glb", "gltf", "obj", "stl"])
+            .set_parent(&*self.window)
+            .pick_file();
+        let proxy = self.proxy.clone();
+        let wait = move || {
+            let file = pollster::block_on(dialog);
+            drop(proxy.send_event(Wake::Chosen(file.map(|f| f.path().to_path_buf()))));
+        };
+        if let Err(why) = std::thread::Builder::new().name("dialog".into()).spawn(wait) {
+            tracing::warn!("no file dialog: {why}; drop a file on the window instead");
+        }
+    }
+
+    fn write_shot(&mut self, (width, height, pixels): Shot, recording: bool) {
+        self.shots += 1;
+        let file = PathBuf::from(if recording { "recording" } else { "screenshots" });
+        let made = std::fs::create_dir_all(&file).map_err(|e| e.to_string());
+        let file = file.join(format!("incise-{:04}.png", self.shots));
+        let written = made
+            .and_then(|()| image::save_buffer(&file, &pixels, width, height, image::ColorType::Rgba8).map_err(|e| e.to_string()));
+        match written {
+            Ok(()) if recording => {}
+            Ok(()) => self.session.panel.tell(format!("Written: {}", file.display())),
+            Err(why) => {
+                self.session.panel.recording = false;
+                self.session.panel.fail(format!("cannot write {}: {why}; start Incise where you may write", file.display()));
+            }
+        }
+        self.session.touch();
+    }
+
+    fn finish(self) -> DesktopRun {
+        let Session { app, panel, frames, strokes, .. } = self.session;
+        DesktopRun {
+            adapter: panel.adapter,
+            model: panel.model,
+            edit_hash: app.scene.edit_hash(),
+            state_hash: app.scene.state_hash(),
+            gpu_error: self.screen.gpu_error(&app.scene),
+            frames,
+            strokes,
+        }
+    }
+}
+
+fn panel_on(
+    events: &ActiveEventLoop,
+    window: &Window,
+    screen: &Screen,
+    proxy: &EventLoopProxy<Wake>,
+) -> (Panel, egui_winit::State) {
+    let panel = Panel::new();
+    attach(&panel, proxy);
+    let state = state_of(&panel, window, screen, events);
+    (panel, state)
+}
+
+/// The panel's wish for another frame wakes the loop.
+fn attach(panel: &Panel, proxy: &EventLoopProxy<Wake>) {
+    let proxy = proxy.clone();
+    panel.context().set_request_repaint_callback(move |info| drop(proxy.send_event(Wake::Repaint(info.delay))));
+}
+
+fn state_of(
+    panel: &Panel,
+    window: &Window,
+    screen: &Screen,
+    display: &dyn winit::raw_window_handle::HasDisplayHandle,
+) -> egui_winit::State {
+    let scale = Some(window.scale_factor() as f32);
+    let side = Some(screen.longest_side() as usize);
+    egui_winit::State::new(panel.context().clone(), ViewportId::ROOT, display, scale, window.theme(), side)
+}

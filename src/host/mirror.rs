@@ -1,0 +1,163 @@
+//! The GPU's picture of a scene, kept up to date frame by frame: what every host does between a frame and its drawing.
+
+use super::instruments::Instruments;
+use super::layers;
+use crate::app::{FrameCounters, FrameView};
+use crate::formats::Material;
+use crate::gpu::{Context, GpuError, LineSegment, MaterialView, Renderer, TextureView, TissueDirty, TissueView, ViewVersions};
+use crate::input::Layer;
+use crate::particles::ParticleMap;
+use crate::scene::{Scene, TissueId};
+use crate::tissue::Tissue;
+use std::sync::Arc;
+
+/// A renderer, and what it knows of the scene.
+pub struct Mirror {
+    renderer: Renderer,
+    /// Tissues on the GPU and how many materials of each, by id.
+    known: Vec<(TissueId, usize)>,
+    instruments: Instruments,
+}
+
+impl Mirror {
+    /// An empty picture.
+    pub fn new(context: Arc<Context>) -> Self {
+        Self { renderer: Renderer::new(context), known: Vec::new(), instruments: Instruments::default() }
+    }
+
+    /// What draws.
+    pub fn renderer(&self) -> &Renderer {
+        &self.renderer
+    }
+
+    /// What draws.
+    pub fn renderer_mut(&mut self) -> &mut Renderer {
+        &mut self.renderer
+    }
+
+    /// Begins anew on another device: the next [`Mirror::sync`] brings everything over from the scene, which has all that there
+    /// is to know.
+    pub fn replace_device(&mut self, context: Arc<Context>) {
+        *self = Self::new(context);
+    }
+
+    /// [`Mirror::replace_device`] with a new device on the same adapter, after the old one was lost. A window or a headset has
+    /// to hand its own over. Errors: the adapter gives none.
+    pub fn replace_lost_device(&mut self) -> Result<(), GpuError> {
+        let context = self.renderer.context().reopen()?;
+        self.replace_device(Arc::new(context));
+        Ok(())
+    }
+
+    /// Brings the GPU's copy of the scene up to date, by what the frame says has changed. Errors: the device, or a model over
+    /// the adapter's limits.
+    pub fn sync(&mut self, view: &FrameView) -> Result<(), GpuError> {
+        let Self { renderer, known, instruments } = self;
+        renderer.context().check()?;
+        known.retain(|&(id, _)| {
+            let stays = view.scene.tissue(id).is_some();
+            if !stays {
+                renderer.remove(u64::from(id.0));
+            }
+            stays
+        });
+        for (id, tissue) in view.scene.tissues() {
+            let count = tissue.materials().len();
+            let place = known.binary_search_by_key(&id, |k| k.0);
+            let old = place.ok().map(|at| known[at].1);
+            let dirty = if old.is_some() { dirty_ranges(view, id) } else { TissueDirty::Full };
+            // Pictures are looked at only when they are new.
+            let materials = if old == Some(count) { Vec::new() } else { material_views(tissue.materials()) };
+            renderer.sync(u64::from(id.0), &tissue_view(tissue, &materials), &dirty)?;
+            match place {
+                Ok(at) => known[at].1 = count,
+                Err(at) => known.insert(at, (id, count)),
+            }
+        }
+        instruments.sync(renderer, view)
+    }
+
+    /// Lines of the inspection layers that are on; none, and nothing is built, without one. The layer of errors reads positions
+    /// back, so it waits for the GPU.
+    pub fn layer_lines(&mut self, view: &FrameView) -> Vec<LineSegment> {
+        let mut lines = layers::layer_lines(view);
+        if view.layers.contains(&Layer::Errors) && self.renderer.deform().is_ok() {
+            for (id, tissue) in view.scene.tissues() {
+                if let Ok(positions) = self.renderer.read_positions(u64::from(id.0)) {
+                    layers::error_points(tissue, &positions, &mut lines);
+                }
+            }
+        }
+        lines
+    }
+
+    /// Hands the renderer's counters over to a frame's.
+    pub fn count(&mut self, counters: &mut FrameCounters) {
+        let gpu = self.renderer.take_counters();
+        (counters.dispatches, counters.draws, counters.bytes_uploaded) = (gpu.dispatches, gpu.draws, gpu.bytes_uploaded);
+    }
+
+    /// Largest distance between the GPU's positions and the f64 reference over all live vertices, as a fraction of the
+    /// diagonal. Reads back; for tests and reports.
+    pub fn gpu_error(&self, scene: &Scene) -> Result<f64, GpuError> {
+        let mut worst = 0.0f64;
+        for (id, tissue) in scene.tissues() {
+            let gpu = self.renderer.read_positions(u64::from(id.0))?;
+            for v in tissue.mesh().live_vertices() {
+                let p = glam::Vec3::from_array(gpu[v.index()]).as_dvec3();
+                worst = worst.max(p.distance(tissue.position(v)) / tissue.diagonal());
+            }
+        }
+        Ok(worst)
+    }
+}
+
+fn dirty_ranges(view: &FrameView, tissue: TissueId) -> TissueDirty {
+    let mut dirty = TissueDirty::clean();
+    for (_, delta) in view.changes.iter().filter(|(id, _)| *id == tissue) {
+        dirty.merge(TissueDirty::from_deltas(&delta.mesh, &delta.rows, &delta.map));
+    }
+    dirty
+}
+
+static NO_PARTICLES: std::sync::LazyLock<ParticleMap> = std::sync::LazyLock::new(ParticleMap::default);
+
+fn tissue_view<'a>(tissue: &'a Tissue, materials: &'a [MaterialView<'a>]) -> TissueView<'a> {
+    let versions = tissue.versions();
+    TissueView {
+        mesh: tissue.mesh(),
+        rows: tissue.rows(),
+        map: tissue.layer().map_or(&NO_PARTICLES, |l| &l.map),
+        displacements: tissue.layer().map_or(&[], |l| l.displacements()),
+        fades: &tissue.fades().entries,
+        fade_duration_s: tissue.fades().duration_s,
+        time_s: tissue.time_s(),
+        pose: tissue.pose(),
+        materials,
+        diagonal: tissue.diagonal(),
+        world_from_tissue: tissue.frame().affine(),
+        versions: ViewVersions {
+            pose: versions.pose,
+            displacements: versions.displacements,
+            fades: versions.fades,
+            materials: tissue.materials().len() as u64,
+        },
+    }
+}
+
+fn material_views(materials: &[Material]) -> Vec<MaterialView<'_>> {
+    materials.iter().map(material_view).collect()
+}
+
+/// How a material of a model answers light. Edits name theirs: "wound" lines a slit, "cap" closes a cut.
+fn material_view(material: &Material) -> MaterialView<'_> {
+    let texture = material.texture.as_ref().map(|t| TextureView { width: t.width, height: t.height, rgba: &t.rgba });
+    let view = MaterialView { base_colour: material.base_colour, texture, ..MaterialView::FLESH };
+    match material.name.as_str() {
+        "wound" => MaterialView { roughness: 0.6, wetness: 0.9, ..view },
+        "cap" => MaterialView { roughness: 0.55, wetness: 0.7, ..view },
+        // A picture on the surface is skin or fur: drier and less translucent than bare flesh.
+        _ if texture.is_some() => MaterialView { wetness: 0.25, scatter: 0.4, ..view },
+        _ => view,
+    }
+}

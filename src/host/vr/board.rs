@@ -1,0 +1,218 @@
+//! The panel as a board in the room: opened in front of the user, pointed at with the aim ray, pressed with the trigger. It has a
+//! swapchain of its own that the compositor shows as a quad, so an open board costs one small picture and a closed one nothing.
+
+use super::error::VrError;
+use super::input::Hand;
+use super::space::Pose;
+use super::swapchain::Images;
+use crate::gpu::Context;
+use crate::gpu::ui::{UiFrame, UiPass};
+use crate::panel::{Panel, PanelAction, PanelState};
+use glam::{DQuat, DVec3};
+use openxr as xr;
+
+/// The board's size in the room, metres, and its points.
+const SIZE: (f64, f64) = (0.36, 0.60);
+const POINTS: [f32; 2] = [360.0, 600.0];
+/// Pixels a point.
+const SHARPNESS: f32 = 2.0;
+/// From the head to where it opens: forwards, to the left, down. Metres.
+const PLACE: DVec3 = DVec3::new(-0.42, -0.2, -0.6);
+/// A trigger presses above this.
+const PRESSED: f64 = 0.5;
+
+/// Where a ray meets the board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pointed {
+    hand: usize,
+    at: [f32; 2],
+    pressed: bool,
+}
+
+/// The board, open or not.
+pub struct Board {
+    panel: Panel,
+    /// What the panel shows.
+    pub state: PanelState,
+    place: Option<Pose>,
+    pointed: Option<Pointed>,
+    /// Made when it is first opened.
+    picture: Option<(Images, UiPass)>,
+    drawn: bool,
+}
+
+impl Board {
+    /// A closed board.
+    pub fn new(state: PanelState) -> Self {
+        Self { panel: Panel::new(), state, place: None, pointed: None, picture: None, drawn: false }
+    }
+
+    /// Opens it before the user, or closes it.
+    pub fn toggle(&mut self, head: &Pose) {
+        self.drawn = false;
+        self.pointed = None;
+        self.place = match self.place {
+            Some(_) => None,
+            None => Some(placed(head)),
+        };
+    }
+
+    /// True while it is open.
+    pub fn is_open(&self) -> bool {
+        self.place.is_some()
+    }
+
+    /// Forgets what belongs to a session that is over.
+    pub fn end_session(&mut self) {
+        self.picture = None;
+        self.drawn = false;
+    }
+
+    /// Which hands point at it.
+    pub fn pointed_at(&self, hands: &[Hand; 2]) -> [bool; 2] {
+        let Some(place) = self.place else { return [false; 2] };
+        [0, 1].map(|hand| hands[hand].aim.is_some_and(|aim| meet(&place, &aim).is_some()))
+    }
+
+    /// One frame of the open board: hands point and press, the picture is drawn. Returns what the user wants; nothing happens, and
+    /// nothing is paid for, while it is closed.
+    pub fn frame(
+        &mut self,
+        hands: &[Hand; 2],
+        session: &xr::Session<xr::Vulkan>,
+        context: &Context,
+    ) -> Result<Vec<PanelAction>, VrError> {
+        let Some(place) = self.place else { return Ok(Vec::new()) };
+        let now = pointed(&place, hands, self.pointed.map(|p| p.hand));
+        let press = match (self.pointed, now) {
+            (Some(was), Some(is)) if was.pressed != is.pressed => Some(is.pressed),
+            (None, Some(is)) if is.pressed => None, // a trigger that was pulled elsewhere is no press
+            _ => None,
+        };
+        self.pointed = now;
+        let frame = self.panel.run_pointer(POINTS, now.map(|p| p.at), press, &mut self.state);
+        let (images, ui) = match &mut self.picture {
+            Some(picture) => picture,
+            none => {
+                let size = POINTS.map(|p| (p * SHARPNESS) as u32);
+                let images = Images::new(session, context, (size[0], size[1]), 1)?;
+                let ui = UiPass::new(context, images.format());
+                none.insert((images, ui))
+            }
+        };
+        let index = images.acquire()?;
+        let view = images.texture(index).create_view(&wgpu::TextureViewDescriptor::default());
+        let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("board") });
+        let drawn = UiFrame { jobs: frame.jobs, textures: frame.textures, pixels_per_point: SHARPNESS };
+        let buffers = ui.encode(context, &mut encoder, &view, images.size(), drawn, true);
+        context.queue().submit(buffers.into_iter().chain([encoder.finish()]));
+        images.release()?;
+        self.drawn = true;
+        Ok(frame.actions)
+    }
+
+    /// What the compositor is to show: the picture and the quad it stands on.
+    pub fn shown(&self) -> Option<(&Images, Pose, (f64, f64))> {
+        let place = self.place.filter(|_| self.drawn)?;
+        self.picture.as_ref().map(|(images, _)| (images, place, SIZE))
+    }
+
+    /// The ray of the hand that points, from the hand to the board, in the room.
+    pub fn ray(&self, hands: &[Hand; 2]) -> Option<[DVec3; 2]> {
+        let (place, pointed) = self.place.zip(self.pointed)?;
+        let aim = hands[pointed.hand].aim?;
+        let x = (f64::from(pointed.at[0] / POINTS[0]) - 0.5) * SIZE.0;
+        let y = (0.5 - f64::from(pointed.at[1] / POINTS[1])) * SIZE.1;
+        Some([aim.position, place.at(DVec3::new(x, y, 0.0))])
+    }
+}
+
+/// Before a head, turned to it, upright.
+fn placed(head: &Pose) -> Pose {
+    let upright = DQuat::from_rotation_y(head.yaw());
+    let position = head.position + upright * PLACE;
+    let to_head = head.position - position;
+    Pose { position, rotation: DQuat::from_rotation_y(to_head.x.atan2(to_head.z)) }
+}
+
+/// The point of the board, in points from its upper left, that a ray from before it meets.
+fn meet(place: &Pose, aim: &Pose) -> Option<[f32; 2]> {
+    let back = place.rotation.inverse();
+    let (from, along) = (back * (aim.position - place.position), back * aim.forward());
+    if from.z <= 0.0 || along.z >= -1e-6 {
+        return None;
+    }
+    let hit = from - along * (from.z / along.z);
+    let (u, v) = (hit.x / SIZE.0 + 0.5, 0.5 - hit.y / SIZE.1);
+    let inside = (0.0..=1.0).contains(&u) && (0.0..=1.0).contains(&v);
+    inside.then_some([u as f32 * POINTS[0], v as f32 * POINTS[1]])
+}
+
+/// The hand that points: the one that did before, as long as it does, else the right one, else the left.
+fn pointed(place: &Pose, hands: &[Hand; 2], before: Option<usize>) -> Option<Pointed> {
+    let one = |hand: usize| {
+        let at = meet(place, hands[hand].aim.as_ref()?)?;
+        Some(Pointed { hand, at, pressed: hands[hand].tear > PRESSED })
+    };
+    before.and_then(one).or_else(|| one(1)).or_else(|| one(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HEAD: Pose = Pose { position: DVec3::new(0.0, 1.6, 0.0), rotation: DQuat::IDENTITY };
+
+    fn aiming_at(point: DVec3) -> Hand {
+        let from = DVec3::new(0.1, 1.2, -0.1);
+        let rotation = DQuat::from_rotation_arc(DVec3::NEG_Z, (point - from).normalize());
+        Hand { aim: Some(Pose { position: from, rotation }), ..Hand::default() }
+    }
+
+    #[test]
+    fn a_ray_finds_the_point_it_is_aimed_at_and_misses_beside_the_board() {
+        let place = placed(&HEAD);
+        for (x, y) in [(0.0, 0.0), (0.17, 0.29), (-0.17, -0.29)] {
+            let aim = aiming_at(place.at(DVec3::new(x, y, 0.0))).aim.expect("given");
+            let at = meet(&place, &aim).expect("a hit");
+            let wanted = [(x / SIZE.0 + 0.5) as f32 * POINTS[0], (0.5 - y / SIZE.1) as f32 * POINTS[1]];
+            assert!((at[0] - wanted[0]).abs() < 0.01 && (at[1] - wanted[1]).abs() < 0.01, "{at:?} {wanted:?}");
+        }
+        let beside = aiming_at(place.at(DVec3::new(0.3, 0.0, 0.0))).aim.expect("given");
+        assert_eq!(meet(&place, &beside), None);
+        let away = Pose { rotation: DQuat::from_rotation_y(3.0), ..HEAD };
+        assert_eq!(meet(&place, &away), None, "a hand that points away");
+    }
+
+    #[test]
+    fn it_faces_the_user_whichever_way_they_look() {
+        for yaw in [0.0, 1.0, -2.5] {
+            let head = Pose { rotation: DQuat::from_rotation_y(yaw), ..HEAD };
+            let place = placed(&head);
+            let front = place.rotation * DVec3::Z;
+            let to_head = (head.position - place.position) * DVec3::new(1.0, 0.0, 1.0);
+            assert!(front.dot(to_head.normalize()) > 0.999);
+            assert!((place.position - head.position).dot(head.forward()) > 0.5);
+        }
+    }
+
+    #[test]
+    fn the_hand_that_points_keeps_pointing() {
+        let place = placed(&HEAD);
+        let both = [aiming_at(place.position), aiming_at(place.position)];
+        assert_eq!(pointed(&place, &both, None).map(|p| p.hand), Some(1));
+        assert_eq!(pointed(&place, &both, Some(0)).map(|p| p.hand), Some(0));
+        assert_eq!(pointed(&place, &[Hand::default(); 2], Some(0)), None);
+    }
+
+    #[test]
+    fn a_closed_board_takes_no_ray() {
+        let mut board = Board::new(PanelState::default());
+        let hands = [aiming_at(placed(&HEAD).position); 2];
+        assert_eq!(board.pointed_at(&hands), [false; 2]);
+        board.toggle(&HEAD);
+        assert!(board.is_open() && board.pointed_at(&hands) == [true; 2] && board.shown().is_none());
+        board.toggle(&HEAD);
+        assert!(!board.is_open() && board.pointed_at(&hands) == [false; 2]);
+    }
+}

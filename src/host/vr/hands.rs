@@ -1,0 +1,394 @@
+//! Tools in the hands: what two tracked hands do, turned into edit commands, and how they move the model about.
+//!
+//! | hand | trigger | squeeze |
+//! |---|---|---|
+//! | scalpel | tears, deeper the further it is pulled; with the plane tool, shows the plane and cuts on release | in tissue: a fist that squeezes |
+//! | forceps | close on tissue | close on tissue |
+//! | either, away from tissue | | takes hold of the model; both hands scale and turn it |
+//!
+//! Poses come in the room and leave in model space. A gesture that has begun goes on whatever the model does.
+
+use super::haptics::Felt;
+use super::input::{Hand, HandsInput};
+use super::space::{Placement, Pose, SnapTurn};
+use crate::config::{Dexterity, VrSettings};
+use crate::geometry::Plane;
+use crate::input::tools::{Forceps, Pinch, Scalpel, Squeeze};
+use crate::scene::{EditCommand, Scene};
+use crate::surgery::BladePose;
+use glam::DVec3;
+
+/// What a hand holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Tool {
+    /// Tears and cuts.
+    Scalpel,
+    /// Grabs.
+    Forceps,
+}
+
+/// Ids of grabs, apart from those of scripts and of the mouse. Two a hand for the fist, one for the forceps.
+const GRABS: u32 = 0x5652_0000;
+/// A trigger counts as pulled above the first and as let go below the second.
+const PULLED: (f64, f64) = (0.15, 0.08);
+/// From the grip to the near end of the blade. Metres in the room.
+const HANDLE: f64 = 0.02;
+/// Forceps take hold of particles within this. Metres in the room.
+const JAWS: f64 = 0.03;
+/// A fist closes from this far to either side. Metres in the room.
+const FIST: f64 = 0.05;
+/// Radius of its fingertips. Metres in the room.
+const FINGER: f64 = 0.012;
+/// A hand this near to the model's bounds squeezes tissue; farther away it takes hold of the model. Metres in the room.
+const NEAR: f64 = 0.06;
+
+/// A pull with hysteresis.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pull(bool);
+
+impl Pull {
+    fn update(&mut self, value: f64) -> bool {
+        self.0 = value > if self.0 { PULLED.1 } else { PULLED.0 };
+        self.0
+    }
+}
+
+/// What one hand is in the middle of.
+#[derive(Clone, Copy, Debug)]
+struct Grip {
+    tool: Tool,
+    scalpel: Scalpel,
+    forceps: Forceps,
+    fist: Squeeze,
+    tear: Pull,
+    grab: Pull,
+    /// The plane that is shown and cut on release, model space.
+    plane: Option<(DVec3, DVec3)>,
+    /// Where the hand took hold of the model, in the room.
+    holds: Option<DVec3>,
+    /// This squeeze began in tissue, so it stays one.
+    squeezes: bool,
+}
+
+/// What is drawn of a hand, model space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instrument {
+    /// What it is.
+    pub tool: Tool,
+    /// Its working end.
+    pub tip: DVec3,
+    /// The other end.
+    pub base: DVec3,
+    /// How far it is closed: 0 to 1.
+    pub closed: f64,
+}
+
+/// A frame's outcome.
+#[derive(Clone, Debug, Default)]
+pub struct HandsOutput {
+    /// Edits, in order.
+    pub commands: Vec<EditCommand>,
+    /// What is in the hands.
+    pub instruments: [Option<Instrument>; 2],
+    /// The plane that would be cut: a point and its unit normal, model space.
+    pub plane: Option<(DVec3, DVec3)>,
+    /// Contacts; what was torn and severed is known after the edits.
+    pub felt: Felt,
+    /// The hand that edits, for whom tearing is felt.
+    pub editing: Option<usize>,
+}
+
+/// What a frame's hands work on.
+#[derive(Clone, Copy)]
+pub struct Around<'a> {
+    /// The tissues.
+    pub scene: &'a Scene,
+    /// About where they are, model space: at least every position that is seen, if need be more.
+    pub bounds: (DVec3, DVec3),
+    /// The user's head, in the room.
+    pub head: &'a Pose,
+    /// Hands that point at the panel: their triggers are the panel's.
+    pub on_panel: [bool; 2],
+    /// Seconds since the last frame.
+    pub step_s: f64,
+}
+
+/// Both hands and where the model stands.
+#[derive(Clone, Debug)]
+pub struct Hands {
+    grips: [Grip; 2],
+    settings: VrSettings,
+    /// Of the diagonal.
+    tear_width: f64,
+    placement: Placement,
+    snap: [SnapTurn; 2],
+    plane_tool: bool,
+    /// Places of the hands when they last began to hold the model, and the model's place then.
+    held_from: Option<(Placement, [Option<DVec3>; 2])>,
+    time_s: f64,
+}
+
+impl Hands {
+    /// The scalpel in the better hand, forceps in the other. `tear_width` is a fraction of the model's diagonal.
+    pub fn new(settings: VrSettings, tear_width: f64, placement: Placement) -> Self {
+        let better = if settings.hand == Dexterity::Left { 0 } else { 1 };
+        let grip = |hand: usize| {
+            let id = GRABS + 3 * hand as u32;
+            Grip {
+                tool: if hand == better { Tool::Scalpel } else { Tool::Forceps },
+                scalpel: Scalpel::default(),
+                forceps: Forceps::new(id),
+                fist: Squeeze::new([id + 1, id + 2]),
+                tear: Pull::default(),
+                grab: Pull::default(),
+                plane: None,
+                holds: None,
+                squeezes: false,
+            }
+        };
+        Self {
+            grips: [grip(0), grip(1)],
+            settings,
+            tear_width,
+            placement,
+            snap: [SnapTurn::default(); 2],
+            plane_tool: false,
+            held_from: None,
+            time_s: 0.0,
+        }
+    }
+
+    /// Where the model stands.
+    pub fn placement(&self) -> &Placement {
+        &self.placement
+    }
+
+    /// Puts the model elsewhere.
+    pub fn set_placement(&mut self, placement: Placement) {
+        self.placement = placement;
+        self.held_from = None;
+    }
+
+    /// Changes the width of tears to come, a fraction of the model's diagonal.
+    pub fn set_tear_width(&mut self, tear_width: f64) {
+        self.tear_width = tear_width;
+    }
+
+    /// The tool of a hand.
+    pub fn tool(&self, hand: usize) -> Tool {
+        self.grips[hand].tool
+    }
+
+    /// Exchanges the tools of the hands. What is in progress ends.
+    pub fn swap_tools(&mut self, out: &mut Vec<EditCommand>) {
+        self.put_down(out);
+        let [left, right] = &mut self.grips;
+        std::mem::swap(&mut left.tool, &mut right.tool);
+    }
+
+    /// Ends everything that is in progress: focus was lost, the headset came off.
+    pub fn put_down(&mut self, out: &mut Vec<EditCommand>) {
+        for grip in &mut self.grips {
+            grip.scalpel.lift(out);
+            grip.forceps.open(out);
+            grip.fist.release(out);
+            (grip.plane, grip.holds, grip.squeezes) = (None, None, false);
+            (grip.tear, grip.grab) = (Pull::default(), Pull::default());
+        }
+        self.held_from = None;
+    }
+
+    /// True while a stroke, a grab or a hold is in progress.
+    pub fn is_busy(&self) -> bool {
+        let busy = |g: &Grip| {
+            g.scalpel.is_cutting() || g.forceps.held().is_some() || g.fist.is_held() || g.plane.is_some() || g.holds.is_some()
+        };
+        self.grips.iter().any(busy)
+    }
+
+    /// One frame.
+    pub fn frame(&mut self, input: &HandsInput, around: &Around, out: &mut HandsOutput) {
+        out.commands.clear();
+        (out.instruments, out.plane, out.felt, out.editing) = ([None; 2], None, Felt::default(), None);
+        self.time_s += around.step_s;
+        self.buttons(input, around, out);
+        for hand in 0..2 {
+            let state = if around.on_panel[hand] { Hand { tear: 0.0, ..input.hands[hand] } } else { input.hands[hand] };
+            self.hand(hand, &state, around, out);
+        }
+        self.move_model(&input.hands, around.head);
+    }
+
+    fn buttons(&mut self, input: &HandsInput, around: &Around, out: &mut HandsOutput) {
+        for (pressed, command) in
+            [(input.undo, EditCommand::Undo), (input.redo, EditCommand::Redo), (input.reset, EditCommand::Reset)]
+        {
+            if pressed {
+                self.put_down(&mut out.commands);
+                out.commands.push(command);
+            }
+        }
+        if input.plane {
+            self.put_down(&mut out.commands);
+            self.plane_tool = !self.plane_tool;
+        }
+        if input.recentre {
+            self.set_placement(Placement::within_reach(around.bounds.0, around.bounds.1, around.head));
+        }
+    }
+
+    fn hand(&mut self, hand: usize, state: &Hand, around: &Around, out: &mut HandsOutput) {
+        let (scene, bounds) = (around.scene, around.bounds);
+        let room = self.placement.length_to_model(1.0);
+        let tool = if state.bare { Tool::Forceps } else { self.grips[hand].tool };
+        let tear = self.grips[hand].tear.update(state.tear);
+        let grab = self.grips[hand].grab.update(state.grab);
+        let blade = state.grip.map(|grip| self.blade(&grip, state, tool));
+        let grip_point = state.grip.map(|grip| self.placement.to_model(grip.position));
+        out.instruments[hand] = blade.map(|b| {
+            let closed = if tool == Tool::Forceps { state.tear.max(state.grab) } else { state.tear };
+            Instrument { tool, tip: b.tip, base: b.base, closed }
+        });
+        let near =
+            blade.zip(grip_point).is_some_and(|(blade, grip)| [blade.tip, grip].iter().any(|&p| within(p, bounds, NEAR * room)));
+        if let Some(blade) = blade.filter(|b| within(b.tip, bounds, NEAR * room)) {
+            out.felt.touches[hand] = touches(scene, &blade);
+        }
+        let begins = grab && !self.grips[hand].squeezes && self.grips[hand].holds.is_none();
+        let grip = &mut self.grips[hand];
+        if begins {
+            grip.squeezes = near;
+            grip.holds = if near { None } else { state.grip.map(|g| g.position) };
+            self.held_from = None;
+        }
+        if !grab {
+            if grip.holds.take().is_some() {
+                self.held_from = None;
+            }
+            grip.squeezes = false;
+        }
+        let squeezes = grip.squeezes && grab;
+        match tool {
+            Tool::Forceps => {
+                let closed = tear || squeezes;
+                grip.forceps.update(blade.map(|b| b.tip), closed, JAWS * room, &mut out.commands);
+                if closed {
+                    out.editing = Some(hand);
+                }
+            }
+            Tool::Scalpel => {
+                let width = self.width(scene);
+                if self.plane_tool {
+                    self.aim_plane(hand, blade, state, tear, out);
+                } else {
+                    self.grips[hand].scalpel.update(blade, tear, width, &mut out.commands);
+                }
+                if tear || self.grips[hand].scalpel.is_cutting() {
+                    out.editing = Some(hand);
+                }
+                self.fist(hand, grip_point, state, squeezes, &mut out.commands);
+            }
+        }
+    }
+
+    /// The blade of a hand, model space. It goes deeper by the settings' reach as the trigger is pulled.
+    fn blade(&self, grip: &Pose, state: &Hand, tool: Tool) -> BladePose {
+        let offset = DVec3::from_array(self.settings.tip_offset);
+        let along = offset.normalize_or(DVec3::NEG_Z);
+        let deeper = if tool == Tool::Scalpel && !self.plane_tool { self.settings.reach * state.tear } else { 0.0 };
+        // Bare fingers are their own tip.
+        let tip = if state.bare { DVec3::ZERO } else { offset + along * deeper };
+        let base = if state.bare { along * -HANDLE } else { along * HANDLE };
+        let place = |local: DVec3| self.placement.to_model(grip.at(local));
+        BladePose { t: self.time_s, tip: place(tip), base: place(base) }
+    }
+
+    /// Shows the plane of the blade's flat side while the trigger is held; cuts along it on release. A squeeze calls it off.
+    fn aim_plane(&mut self, hand: usize, blade: Option<BladePose>, state: &Hand, held: bool, out: &mut HandsOutput) {
+        let grip = &mut self.grips[hand];
+        if state.grab > PULLED.0 {
+            grip.plane = None;
+            return;
+        }
+        if held {
+            if let Some((blade, pose)) = blade.zip(state.grip) {
+                let normal = self.placement.pose_to_model(&pose).rotation * DVec3::X;
+                grip.plane = Some((blade.tip, normal));
+            }
+            out.plane = grip.plane;
+        } else if let Some((point, normal)) = grip.plane.take() {
+            out.commands.push(EditCommand::Cut(Plane::Equation { normal, offset: normal.dot(point) }));
+            out.editing = Some(hand);
+        }
+    }
+
+    fn fist(&mut self, hand: usize, point: Option<DVec3>, state: &Hand, closed: bool, out: &mut Vec<EditCommand>) {
+        let room = self.placement.length_to_model(1.0);
+        let placement = self.placement;
+        let time_s = self.time_s;
+        let fist = &mut self.grips[hand].fist;
+        match (closed, fist.is_held()) {
+            (true, false) => {
+                if let Some((point, pose)) = point.zip(state.grip) {
+                    let across = placement.pose_to_model(&pose).rotation * DVec3::X;
+                    let pinch = Pinch { middle: point, across, reach: [FIST * room; 2], radius: FINGER * room, began_s: time_s };
+                    fist.begin(pinch, out);
+                }
+            }
+            (true, true) => fist.tick(time_s, out),
+            (false, true) => fist.release(out),
+            (false, false) => {}
+        }
+    }
+
+    /// Carries, scales and turns the model with the hands that hold it; turns the user in steps.
+    fn move_model(&mut self, hands: &[Hand; 2], head: &Pose) {
+        let now = [0, 1].map(|h| self.grips[h].holds.and(hands[h].grip).map(|g| g.position));
+        if now.iter().all(Option::is_none) {
+            self.held_from = None;
+        } else {
+            let held = |from: &[Option<DVec3>; 2]| from.map(|f| f.is_some()) == now.map(|n| n.is_some());
+            match self.held_from.filter(|(_, from)| held(from)) {
+                None => self.held_from = Some((self.placement, now)),
+                Some((start, [Some(a), Some(b)])) => {
+                    if let [Some(c), Some(d)] = now {
+                        self.placement = start.stretched([a, b], [c, d]);
+                    }
+                }
+                Some((start, from)) => {
+                    if let Some((from, to)) = from[0].zip(now[0]).or(from[1].zip(now[1])) {
+                        self.placement = start.carried(from, to);
+                    }
+                }
+            }
+        }
+        for hand in 0..2 {
+            let angle = self.snap[hand].turn(hands[hand].turn, self.settings.snap_turn);
+            if angle != 0.0 {
+                self.placement = self.placement.turned_about(head.position, angle);
+                self.held_from = None;
+            }
+        }
+    }
+
+    fn width(&self, scene: &Scene) -> f64 {
+        let diagonal = scene.tissues().map(|(_, t)| t.diagonal()).fold(0.0, f64::max);
+        self.tear_width * diagonal
+    }
+}
+
+fn within(p: DVec3, (low, high): (DVec3, DVec3), margin: f64) -> bool {
+    p.cmpge(low - margin).all() && p.cmple(high + margin).all()
+}
+
+/// True if the blade goes through the surface of some tissue.
+fn touches(scene: &Scene, blade: &BladePose) -> bool {
+    scene.tissues().any(|(_, t)| {
+        let frame = t.frame();
+        t.blade_entry(frame.point_in(blade.tip), frame.point_in(blade.base)).is_some()
+    })
+}
+
+#[cfg(test)]
+#[path = "hands_tests.rs"]
+mod tests;

@@ -1,0 +1,218 @@
+//! Hands over a sphere of 1 m, shown at 0.4 m: what they ask for and what comes of it.
+
+use super::*;
+use crate::formats::load;
+use crate::scene::{EditReport, SceneSettings};
+use crate::surgery::SamplingSettings;
+use crate::tissue::{Tissue, TissueSettings};
+use glam::DQuat;
+
+const STEP: f64 = 1.0 / 90.0;
+const HEAD: Pose = Pose { position: DVec3::new(0.0, 1.6, 0.0), rotation: DQuat::IDENTITY };
+
+struct Desk {
+    scene: Scene,
+    hands: Hands,
+    input: HandsInput,
+    output: HandsOutput,
+    reports: Vec<EditReport>,
+    on_panel: [bool; 2],
+}
+
+impl Desk {
+    fn new(settings: VrSettings) -> Self {
+        let model = load("sphere").expect("a bundled name");
+        let rest: Vec<_> = model.mesh.live_vertices().map(|v| model.rows.rest(v)).collect();
+        let settings_of_tissue = TissueSettings {
+            particles: Some(crate::particles::ParticleSettings::for_count(&model.mesh, &rest, 60)),
+            network: Default::default(),
+            opening_s: 0.5,
+            section_faces: 128,
+            fade_s: 0.25,
+        };
+        let tissue = Tissue::new(model, &settings_of_tissue).expect("sound settings");
+        let sampling = SamplingSettings::default();
+        let scene = Scene::new(tissue, SceneSettings { sampling, sample_distance: None, sample_time: None });
+        let (low, high) = scene.ground_bounds();
+        let placement = Placement::within_reach(low, high, &HEAD);
+        let away = Pose { position: DVec3::new(0.0, 1.0, 1.0), ..Pose::IDENTITY };
+        let hand = Hand { grip: Some(away), aim: Some(away), ..Hand::default() };
+        Self {
+            scene,
+            hands: Hands::new(settings, 0.02, placement),
+            input: HandsInput { hands: [hand; 2], ..HandsInput::default() },
+            output: HandsOutput::default(),
+            reports: Vec::new(),
+            on_panel: [false; 2],
+        }
+    }
+
+    /// Puts a hand so that the tip of its instrument, trigger let go, is at a point of model space.
+    fn tip(&mut self, hand: usize, at: DVec3) {
+        let position = self.hands.placement().to_world(at) + DVec3::Z * 0.12;
+        self.input.hands[hand].grip = Some(Pose { position, ..Pose::IDENTITY });
+    }
+
+    fn frame(&mut self) {
+        let around =
+            Around { scene: &self.scene, bounds: self.scene.ground_bounds(), head: &HEAD, on_panel: self.on_panel, step_s: STEP };
+        self.hands.frame(&self.input, &around, &mut self.output);
+        for command in self.output.commands.clone() {
+            self.reports.extend(self.scene.edit(command));
+        }
+        self.scene.step(STEP);
+    }
+
+    /// Draws the tip across the front of the sphere with the trigger pulled so far, and lets go.
+    fn stroke(&mut self, hand: usize, trigger: f64) {
+        for i in 0..30 {
+            self.tip(hand, DVec3::new(-0.15 + 0.01 * f64::from(i), 0.0, 0.45));
+            self.input.hands[hand].tear = trigger;
+            self.frame();
+        }
+        self.input.hands[hand].tear = 0.0;
+        self.frame();
+    }
+
+    fn outcomes(&self) -> Vec<&'static str> {
+        self.reports.iter().map(|r| r.outcome.as_str()).collect()
+    }
+}
+
+#[test]
+fn the_scalpel_tears_where_it_is_led_and_deeper_with_more_trigger() {
+    let area = |trigger: f64| {
+        let mut desk = Desk::new(VrSettings::default());
+        desk.stroke(1, trigger);
+        assert_eq!(desk.outcomes(), ["torn"]);
+        let lowest = desk.scene.last_tear_boxes().iter().flat_map(|b| b.corners()).map(|c| c.z);
+        lowest.fold(f64::INFINITY, f64::min)
+    };
+    assert!(area(1.0) < area(0.3) - 0.02, "deeper with more trigger");
+    let mut other = Desk::new(VrSettings::default());
+    other.stroke(0, 1.0);
+    assert!(other.outcomes().is_empty(), "the left hand holds forceps");
+    let mut left = Desk::new(VrSettings { hand: Dexterity::Left, ..VrSettings::default() });
+    left.stroke(0, 1.0);
+    assert_eq!(left.outcomes(), ["torn"], "left-handed use");
+}
+
+#[test]
+fn contact_is_felt_at_the_surface_only() {
+    let mut desk = Desk::new(VrSettings::default());
+    desk.tip(1, DVec3::new(0.0, 0.0, 0.6));
+    desk.frame();
+    assert!(!desk.output.felt.touches[1]);
+    desk.tip(1, DVec3::new(0.0, 0.0, 0.4));
+    desk.frame();
+    assert!(desk.output.felt.touches[1] && !desk.output.felt.touches[0]);
+}
+
+#[test]
+fn the_plane_tool_shows_its_plane_and_cuts_on_release_unless_called_off() {
+    let mut desk = Desk::new(VrSettings::default());
+    desk.input.plane = true;
+    desk.frame();
+    desk.input.plane = false;
+    desk.tip(1, DVec3::new(0.1, 0.0, 0.4));
+    desk.input.hands[1].tear = 1.0;
+    desk.frame();
+    let (point, normal) = desk.output.plane.expect("a preview");
+    assert!(point.x - 0.1 < 1e-9 && normal.distance(DVec3::X) < 1e-9 && desk.reports.is_empty());
+    desk.input.hands[1].grab = 1.0;
+    desk.frame();
+    desk.input.hands[1] = Hand { tear: 0.0, grab: 0.0, ..desk.input.hands[1] };
+    desk.frame();
+    assert!(desk.reports.is_empty(), "a squeeze calls it off");
+    desk.input.hands[1].tear = 1.0;
+    desk.frame();
+    desk.input.hands[1].tear = 0.0;
+    desk.frame();
+    assert_eq!(desk.outcomes(), ["cut"]);
+    assert_eq!(desk.reports[0].pieces.len(), 2);
+}
+
+#[test]
+fn forceps_pull_and_a_fist_squeezes() {
+    let mut desk = Desk::new(VrSettings::default());
+    let moved = |desk: &Desk| {
+        let displaced = desk.scene.tissues().filter_map(|(_, t)| t.layer()).flat_map(|l| l.displacements().to_vec());
+        displaced.map(|u| u.length()).fold(0.0, f64::max)
+    };
+    for z in [0.5, 0.5, 0.55, 0.6, 0.65] {
+        desk.tip(0, DVec3::new(0.0, 0.0, z));
+        desk.input.hands[0].tear = 1.0;
+        desk.frame();
+    }
+    assert!(moved(&desk) > 0.1 && desk.hands.is_busy());
+    desk.input.hands[0].tear = 0.0;
+    desk.frame();
+    assert!(!desk.hands.is_busy());
+    desk.tip(1, DVec3::new(0.0, 0.0, 0.4));
+    desk.input.hands[1].grab = 1.0;
+    desk.frame();
+    assert!(desk.output.commands.iter().any(|c| matches!(c, EditCommand::PlaceCollider { .. })), "fingers close in");
+    desk.input.hands[1].grab = 0.0;
+    desk.frame();
+    assert!(desk.output.commands.iter().any(|c| matches!(c, EditCommand::RemoveCollider { .. })) && !desk.hands.is_busy());
+}
+
+#[test]
+fn hands_in_the_air_carry_scale_and_turn_the_model() {
+    let mut desk = Desk::new(VrSettings::default());
+    let before = *desk.hands.placement();
+    let place = |desk: &mut Desk, left: DVec3, right: DVec3| {
+        for (hand, at) in [left, right].into_iter().enumerate() {
+            desk.input.hands[hand].grip = Some(Pose { position: at, ..Pose::IDENTITY });
+        }
+        desk.frame();
+    };
+    place(&mut desk, DVec3::new(-0.5, 1.3, 0.0), DVec3::new(0.5, 1.3, 0.0));
+    desk.input.hands[1].grab = 1.0;
+    desk.frame();
+    place(&mut desk, DVec3::new(-0.5, 1.3, 0.0), DVec3::new(0.5, 1.4, 0.0));
+    let carried = *desk.hands.placement();
+    assert!((carried.position - before.position).distance(DVec3::Y * 0.1) < 1e-9 && carried.scale == before.scale);
+    desk.input.hands[0].grab = 1.0;
+    desk.frame();
+    place(&mut desk, DVec3::new(-1.0, 1.35, 0.0), DVec3::new(1.0, 1.35, 0.0));
+    assert!(desk.hands.placement().scale > 1.9 * before.scale);
+    assert!(desk.output.commands.is_empty(), "the tissue is left alone");
+    desk.input.hands[0].grab = 0.0;
+    desk.input.hands[1].grab = 0.0;
+    desk.frame();
+    let still = *desk.hands.placement();
+    place(&mut desk, DVec3::ZERO, DVec3::ONE);
+    assert_eq!(*desk.hands.placement(), still, "nothing moves that is not held");
+    desk.input.recentre = true;
+    desk.frame();
+    assert!((desk.hands.placement().scale - before.scale).abs() < 1e-12);
+}
+
+#[test]
+fn the_panel_s_triggers_and_lost_focus_tear_nothing() {
+    let mut desk = Desk::new(VrSettings::default());
+    desk.on_panel[1] = true;
+    desk.stroke(1, 1.0);
+    assert!(desk.reports.is_empty());
+    desk.on_panel[1] = false;
+    for i in 0..10 {
+        desk.tip(1, DVec3::new(-0.1 + 0.02 * f64::from(i), 0.0, 0.45));
+        desk.input.hands[1].tear = 1.0;
+        desk.frame();
+    }
+    let mut commands = Vec::new();
+    desk.hands.put_down(&mut commands);
+    assert!(matches!(commands[..], [EditCommand::StrokeEnd]) && !desk.hands.is_busy());
+}
+
+#[test]
+fn undo_ends_the_stroke_and_takes_it_back() {
+    let mut desk = Desk::new(VrSettings::default());
+    let hash = desk.scene.edit_hash();
+    desk.stroke(1, 1.0);
+    assert_ne!(desk.scene.edit_hash(), hash);
+    desk.input.undo = true;
+    desk.frame();
+    assert_eq!(desk.scene.edit_hash(), hash);
+}

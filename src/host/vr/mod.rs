@@ -1,0 +1,43 @@
+//! The headset: finds an OpenXR runtime, draws both eyes, and puts tools into tracked hands.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | [`runtime`] | loader, runtime, service, headset: each with its own failure |
+//! | `interop` | Vulkan made by the runtime and handed to wgpu: all `unsafe` of the crate |
+//! | [`lifecycle`] | the session's states and what they ask for |
+//! | [`bindings`], [`input`] | the action set, its bindings, what the hands do |
+//! | [`hands`], [`haptics`] | tools in the hands, what the hands feel |
+//! | [`space`] | where the model stands; scaling, turning, snap turns |
+//! | [`board`] | the panel on a board in the room |
+//! | `headset` | one session: swapchain, spaces, a frame |
+//! | [`mod@run`] | the loop over frames and sessions |
+//! | [`lockstep`] | a test driver's hold on the loop |
+
+pub mod bindings;
+pub mod board;
+pub mod clock;
+pub mod error;
+pub mod hands;
+pub mod haptics;
+mod headset;
+pub mod input;
+mod interop;
+pub mod lifecycle;
+pub mod lockstep;
+pub mod run;
+pub mod runtime;
+pub mod space;
+mod swapchain;
+
+pub use error::{VrError, VrUnavailable};
+pub use headset::scenery;
+pub use run::{EyePictures, VrOptions, VrOutcome, run};
+
+/// Looks for a headset without starting a session: for deciding between headset and window.
+pub fn available() -> Result<(), VrUnavailable> {
+    match runtime::Runtime::start() {
+        Ok(_) => Ok(()),
+        Err(VrError::Unavailable(why)) => Err(why),
+        Err(other) => Err(VrUnavailable::NoService(other.to_string())),
+    }
+}

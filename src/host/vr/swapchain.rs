@@ -1,0 +1,114 @@
+//! The images that the headset shows: one swapchain of two layers, an eye each.
+
+use super::error::{Named, VrError};
+use super::interop::{self, ImageShape};
+use crate::gpu::{ColourTarget, Context};
+use openxr as xr;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Formats by preference, as Vulkan numbers them and as wgpu names them: sRGB, so that blending and sampling are linear; where a
+/// runtime has none, the shaders apply the curve.
+const FORMATS: [(u32, wgpu::TextureFormat); 4] = [
+    (43, wgpu::TextureFormat::Rgba8UnormSrgb),
+    (50, wgpu::TextureFormat::Bgra8UnormSrgb),
+    (37, wgpu::TextureFormat::Rgba8Unorm),
+    (44, wgpu::TextureFormat::Bgra8Unorm),
+];
+
+/// How long to wait for the compositor to give an image back. Longer is a hang, and an error is better than one.
+const IMAGE_TIMEOUT: i64 = 5_000_000_000;
+
+/// A swapchain and its images as render targets.
+pub struct Images {
+    targets: Vec<ColourTarget>,
+    textures: Vec<wgpu::Texture>,
+    swapchain: Arc<Mutex<xr::Swapchain<xr::Vulkan>>>,
+    shape: ImageShape,
+}
+
+impl Images {
+    /// Makes a swapchain of `layers` layers.
+    pub fn new(
+        session: &xr::Session<xr::Vulkan>,
+        context: &Context,
+        (width, height): (u32, u32),
+        layers: u32,
+    ) -> Result<Self, VrError> {
+        let offered = session.enumerate_swapchain_formats().named("its picture formats")?;
+        let (code, format) = choose(&offered)
+            .ok_or_else(|| VrError::Graphics(format!("the runtime offers no 8-bit colour format, only {offered:?}")))?;
+        let info = xr::SwapchainCreateInfo {
+            create_flags: xr::SwapchainCreateFlags::EMPTY,
+            usage_flags: xr::SwapchainUsageFlags::COLOR_ATTACHMENT
+                | xr::SwapchainUsageFlags::SAMPLED
+                | xr::SwapchainUsageFlags::TRANSFER_SRC,
+            format: code,
+            sample_count: 1,
+            width,
+            height,
+            face_count: 1,
+            array_size: layers,
+            mip_count: 1,
+        };
+        let swapchain = Arc::new(Mutex::new(session.create_swapchain(&info).named("a swapchain")?));
+        let shape = ImageShape { width, height, layers, format };
+        let textures = interop::import_images(context, &swapchain, shape)?;
+        let targets = textures.iter().map(|t| ColourTarget::of_texture(t, format)).collect();
+        Ok(Self { targets, textures, swapchain, shape })
+    }
+
+    /// Width and height of an eye, pixels.
+    pub fn size(&self) -> (u32, u32) {
+        (self.shape.width, self.shape.height)
+    }
+
+    /// Format of the images.
+    pub fn format(&self) -> wgpu::TextureFormat {
+        self.shape.format
+    }
+
+    /// The next image to draw into, once the compositor is done with it.
+    pub fn acquire(&self) -> Result<usize, VrError> {
+        let mut swapchain = self.lock();
+        let index = swapchain.acquire_image().named("an image")?;
+        swapchain.wait_image(xr::Duration::from_nanos(IMAGE_TIMEOUT)).named("waiting for an image")?;
+        Ok(index as usize)
+    }
+
+    /// Hands the image to the compositor.
+    pub fn release(&self) -> Result<(), VrError> {
+        self.lock().release_image().named("giving an image back")
+    }
+
+    /// An image to draw into.
+    pub fn target(&self, index: usize) -> &ColourTarget {
+        &self.targets[index]
+    }
+
+    /// An image to copy from.
+    pub fn texture(&self, index: usize) -> &wgpu::Texture {
+        &self.textures[index]
+    }
+
+    /// The swapchain, for naming it in a layer.
+    pub fn lock(&self) -> MutexGuard<'_, xr::Swapchain<xr::Vulkan>> {
+        self.swapchain.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn choose(offered: &[u32]) -> Option<(u32, wgpu::TextureFormat)> {
+    FORMATS.into_iter().find(|(code, _)| offered.contains(code))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn srgb_is_preferred_whatever_the_runtime_lists_first() {
+        assert_eq!(choose(&[97, 37, 50]), Some((50, wgpu::TextureFormat::Bgra8UnormSrgb)));
+        assert_eq!(choose(&[44, 43, 50]), Some((43, wgpu::TextureFormat::Rgba8UnormSrgb)));
+        assert_eq!(choose(&[44]), Some((44, wgpu::TextureFormat::Bgra8Unorm)));
+        assert_eq!(choose(&[97]), None);
+    }
+}

@@ -1,0 +1,183 @@
+//! The control panel: what it shows is [`PanelState`], what the user wants is a list of [`PanelAction`]s. It knows no window and
+//! no headset: a host feeds it events and draws its triangles.
+
+mod sections;
+mod state;
+
+pub use state::{Notice, PanelAction, PanelState, TimingRow};
+
+use std::time::Duration;
+
+/// The panel's width, points.
+pub const WIDTH: f32 = 300.0;
+
+/// The panel and what it remembers between frames (scroll positions, the font's texture).
+#[derive(Default)]
+pub struct Panel {
+    context: egui::Context,
+}
+
+/// One frame of the panel.
+pub struct PanelFrame {
+    /// Triangles.
+    pub jobs: Vec<egui::ClippedPrimitive>,
+    /// Textures that they need.
+    pub textures: egui::TexturesDelta,
+    /// Pixels a point.
+    pub pixels_per_point: f32,
+    /// What the user wants.
+    pub actions: Vec<PanelAction>,
+    /// What is left of the window beside the panel, points: left, top, right, bottom.
+    pub canvas: [f32; 4],
+    /// When the panel wants to be drawn again; zero is at once.
+    pub repaint_after: Duration,
+    /// Cursor shape, clipboard, and the like.
+    pub platform: egui::PlatformOutput,
+}
+
+impl Panel {
+    /// A panel in the dark style.
+    pub fn new() -> Self {
+        let panel = Self::default();
+        panel.context.set_theme(egui::Theme::Dark);
+        panel.context.options_mut(|o| o.zoom_with_keyboard = false);
+        panel
+    }
+
+    /// What egui keeps; hosts hand it to those who make its events.
+    pub fn context(&self) -> &egui::Context {
+        &self.context
+    }
+
+    /// True if text is being typed, so that keys mean letters.
+    pub fn is_typing(&self) -> bool {
+        self.context.text_edit_focused()
+    }
+
+    /// True if something of the panel lies at a point (in points) that `canvas` of the last frame would call free.
+    pub fn covers(&self, x: f32, y: f32) -> bool {
+        self.context.layer_id_at(egui::pos2(x, y)).is_some_and(|layer| layer.order != egui::Order::Background)
+    }
+
+    /// Runs one frame on a window: the panel on the left, the rest free, notices and help over it.
+    pub fn run(&mut self, input: egui::RawInput, state: &mut PanelState) -> PanelFrame {
+        self.run_with(input, |ui, actions| {
+            if state.open {
+                egui::Panel::left("panel").exact_size(WIDTH).show(ui, |ui| sections::all(ui, state, actions));
+            }
+            let free = ui.available_rect_before_wrap();
+            sections::overlays(ui, free, state);
+            free
+        })
+    }
+
+    /// Runs one frame on a surface that the panel fills, as on a board in the world.
+    pub fn run_filling(&mut self, input: egui::RawInput, state: &mut PanelState) -> PanelFrame {
+        self.run_with(input, |ui, actions| {
+            egui::CentralPanel::default().show(ui, |ui| sections::all(ui, state, actions));
+            egui::Rect::NOTHING
+        })
+    }
+
+    /// [`Panel::run_filling`] for a pointer that is known as a place and a press alone, as a ray from a hand is. `size` in
+    /// points; `at` the pointer before and now, in points.
+    pub fn run_pointer(
+        &mut self,
+        size: [f32; 2],
+        at: Option<[f32; 2]>,
+        press: Option<bool>,
+        state: &mut PanelState,
+    ) -> PanelFrame {
+        let mut input = egui::RawInput {
+            screen_rect: Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size.into())),
+            focused: true,
+            ..Default::default()
+        };
+        match at {
+            Some(at) => {
+                input.events.push(egui::Event::PointerMoved(at.into()));
+                input.events.extend(press.map(|pressed| egui::Event::PointerButton {
+                    pos: at.into(),
+                    button: egui::PointerButton::Primary,
+                    pressed,
+                    modifiers: egui::Modifiers::default(),
+                }));
+            }
+            None => input.events.push(egui::Event::PointerGone),
+        }
+        self.run_filling(input, state)
+    }
+
+    fn run_with(
+        &mut self,
+        input: egui::RawInput,
+        mut draw: impl FnMut(&mut egui::Ui, &mut Vec<PanelAction>) -> egui::Rect,
+    ) -> PanelFrame {
+        let mut actions = Vec::new();
+        let mut canvas = egui::Rect::NOTHING;
+        let output = self.context.run_ui(input, |ui| canvas = draw(ui, &mut actions));
+        let repaint_after = output.viewport_output.get(&egui::ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
+        PanelFrame {
+            jobs: self.context.tessellate(output.shapes, output.pixels_per_point),
+            textures: output.textures_delta,
+            pixels_per_point: output.pixels_per_point,
+            actions,
+            canvas: [canvas.left(), canvas.top(), canvas.right(), canvas.bottom()],
+            repaint_after,
+            platform: output.platform_output,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Presses and lets go at a place; returns what that asked for.
+    fn click(panel: &mut Panel, state: &mut PanelState, at: [f32; 2]) -> Vec<PanelAction> {
+        let size = [WIDTH, 2400.0];
+        let mut actions = Vec::new();
+        // sections that an earlier click has closed are open again
+        panel.context.memory_mut(|memory| memory.data.clear());
+        for (at, press) in [(Some(at), None), (Some(at), Some(true)), (Some(at), Some(false)), (None, None)] {
+            let mut frame = panel.run_pointer(size, at, press, state);
+            actions.extend(frame.actions);
+            frame.textures.clear();
+        }
+        actions
+    }
+
+    #[test]
+    fn every_button_that_is_pressed_says_something_and_a_rest_says_nothing() {
+        let mut panel = Panel::new();
+        let mut state = PanelState { undo_depth: 1, redo_depth: 1, ..PanelState::default() };
+        let mut said = Vec::new();
+        for y in (8..2400).step_by(9) {
+            for x in [30.0, 90.0, 150.0, 210.0, 270.0] {
+                said.extend(click(&mut panel, &mut state, [x, y as f32]));
+                // what the clicks have changed in the state is not what this test is about
+                state = PanelState { undo_depth: 1, redo_depth: 1, ..PanelState::default() };
+            }
+        }
+        for wanted in [PanelAction::Undo, PanelAction::Redo, PanelAction::Reset, PanelAction::OpenDialog, PanelAction::Screenshot]
+        {
+            assert!(said.contains(&wanted), "{wanted:?} cannot be reached: {said:?}");
+        }
+        assert!(click(&mut panel, &mut state, [1.0, 2399.0]).is_empty(), "beside everything");
+    }
+
+    #[test]
+    fn a_resting_panel_asks_for_no_frame() {
+        let mut panel = Panel::new();
+        let mut state = PanelState::default();
+        let mut after = Duration::ZERO;
+        for _ in 0..10 {
+            let screen_rect = Some(egui::Rect::from_min_size(egui::Pos2::ZERO, [WIDTH, 800.0].into()));
+            let mut frame = panel.run_filling(egui::RawInput { screen_rect, ..Default::default() }, &mut state);
+            after = frame.repaint_after;
+            assert!(frame.actions.is_empty());
+            frame.textures.clear();
+        }
+        assert!(after > Duration::from_secs(3600), "{after:?}");
+    }
+}

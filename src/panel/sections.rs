@@ -1,0 +1,378 @@
+//! The panel's parts, top to bottom.
+
+use super::state::{PanelAction, PanelState};
+use crate::config::PresetName;
+use crate::input::Layer;
+use crate::surgery::WallMode;
+use egui::{CollapsingHeader, Color32, ComboBox, RichText, ScrollArea, Slider, Ui};
+
+type Actions = Vec<PanelAction>;
+
+const LAYERS: [(Layer, &str, &str); 6] = [
+    (Layer::Particles, "Particles", "Particles and the springs between them"),
+    (Layer::Wireframe, "Wireframe", "Edges of the surface"),
+    (Layer::Sections, "Sections", "Clusters of faces that an edit may skip"),
+    (Layer::Boxes, "Boxes", "The boxes of the last tear"),
+    (Layer::Influences, "Influences", "Which particles move which vertices"),
+    (Layer::Strips, "Strips", "What blades swept, at rest: nothing pulls across"),
+];
+
+/// Keys and mouse, as the help shows them.
+pub const HELP: [(&str, &str); 22] = [
+    ("Left drag on the tissue", "tear"),
+    ("... and the wheel", "depth of the blade"),
+    ("... with Shift and the wheel, or Q / E", "lean of the blade"),
+    ("Shift + left drag", "draw a line, cut through it"),
+    ("Ctrl + left drag", "grab"),
+    ("Space (hold)", "squeeze what is under the cursor"),
+    ("Right drag, or left drag beside", "orbit"),
+    ("Middle drag, Shift + right drag", "pan"),
+    ("Wheel, two fingers, + and -", "zoom to the cursor"),
+    ("Alt + left drag, arrow keys", "orbit without a right button"),
+    ("Alt + Shift + left drag", "pan without a middle button"),
+    ("[ and ]", "depth of the blade"),
+    ("Ctrl+Z, Ctrl+Y", "undo, redo"),
+    ("R", "reset"),
+    ("P, N", "pause, single step"),
+    ("F", "frame the model"),
+    ("Ctrl+O", "open a model (or drop a file)"),
+    ("F12, F10", "screenshot, record"),
+    ("F11", "full screen"),
+    ("Tab", "show or hide the panel"),
+    ("F1 or H", "this help"),
+    ("Esc", "drop what is in hand; Ctrl+Q quits"),
+];
+
+/// Everything, in a column that scrolls.
+pub fn all(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    ui.add_space(6.0);
+    ui.horizontal(|ui| {
+        ui.heading("Incise");
+        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+            if ui.button("Help").on_hover_text("Mouse and keys (F1)").clicked() {
+                state.help = !state.help;
+            }
+        });
+    });
+    ui.separator();
+    ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
+        section(ui, "Model", true, |ui| model(ui, state, actions));
+        section(ui, "Edits", true, |ui| edits(ui, state, actions));
+        section(ui, "Blade", true, |ui| blade(ui, state, actions));
+        section(ui, "Material", true, |ui| material(ui, state, actions));
+        section(ui, "Animation", true, |ui| animation(ui, state, actions));
+        section(ui, "Particles", false, |ui| particles(ui, state, actions));
+        section(ui, "Inspection", false, |ui| layers(ui, state, actions));
+        section(ui, "Timing", false, |ui| timing(ui, state, actions));
+        ui.add_space(8.0);
+    });
+}
+
+fn section(ui: &mut Ui, title: &str, open: bool, add: impl FnOnce(&mut Ui)) {
+    CollapsingHeader::new(RichText::new(title).strong()).id_salt(title).default_open(open).show(ui, |ui| {
+        ui.spacing_mut().slider_width = 120.0;
+        add(ui);
+    });
+}
+
+fn model(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    ui.label(RichText::new(&state.model).monospace());
+    let [vertices, faces, particles, pieces] = state.counts;
+    ui.small(format!("{faces} faces, {vertices} vertices"));
+    ui.small(format!("{particles} particles, {pieces} piece(s), diagonal {}", length(state.diagonal)));
+    ui.horizontal_wrapped(|ui| {
+        for name in state.bundled.clone() {
+            let shown = state.model == name;
+            if ui.selectable_label(shown, name).on_hover_text("Bundled model").clicked() {
+                actions.push(PanelAction::Open(name.to_string()));
+            }
+        }
+    });
+    ui.horizontal(|ui| {
+        let field = egui::TextEdit::singleline(&mut state.path).hint_text("path, or drop a file").desired_width(150.0);
+        let field = ui.add(field).on_hover_text(".glb, .gltf, .obj or .stl");
+        let enter = field.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
+        let open = ui.button("Open").on_hover_text("Open the file of this name").clicked();
+        if (enter || open) && !state.path.trim().is_empty() {
+            actions.push(PanelAction::Open(state.path.trim().to_string()));
+        }
+    });
+    ui.horizontal(|ui| {
+        if ui.button("Browse...").on_hover_text("Choose a file (Ctrl+O)").clicked() {
+            actions.push(PanelAction::OpenDialog);
+        }
+        if ui.button("Export").on_hover_text("Write the model as it is to export.glb, pieces as nodes of their own").clicked() {
+            actions.push(PanelAction::Export);
+        }
+    });
+    if let Some(what) = &state.loading {
+        ui.horizontal(|ui| {
+            ui.spinner();
+            ui.small(what);
+        });
+    }
+}
+
+fn edits(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    ui.horizontal(|ui| {
+        let mut button = |on: bool, text: &str, hint: &str, action: PanelAction| {
+            if ui.add_enabled(on, egui::Button::new(text)).on_hover_text(hint).clicked() {
+                actions.push(action);
+            }
+        };
+        button(state.undo_depth > 0, "Undo", "Take the last edit back (Ctrl+Z)", PanelAction::Undo);
+        button(state.redo_depth > 0, "Redo", "Do it again (Ctrl+Y)", PanelAction::Redo);
+        button(state.undo_depth > 0, "Reset", "The model as it was loaded (R)", PanelAction::Reset);
+        button(true, "Frame", "Show the whole model (F)", PanelAction::Frame);
+    });
+    ui.horizontal(|ui| {
+        if ui.button("Screenshot").on_hover_text("Write a picture of the window (F12)").clicked() {
+            actions.push(PanelAction::Screenshot);
+        }
+        let mut recording = state.recording;
+        if ui.checkbox(&mut recording, "Record").on_hover_text("Write a picture of every frame (F10)").changed() {
+            actions.push(PanelAction::Record(recording));
+        }
+    });
+    if !state.last_edit.is_empty() {
+        ui.small(&state.last_edit);
+    }
+}
+
+fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    let [low, high] = state.depth_range;
+    millimetres(ui, &mut state.depth, low, high, "depth", "How far the tip goes under the surface; the wheel while tearing");
+    let mut degrees = state.tilt.to_degrees();
+    let lean = Slider::new(&mut degrees, -68.0..=68.0).suffix(" deg").fixed_decimals(0).text("lean");
+    if ui.add(lean).on_hover_text("Lean of the blade to the right; Shift and the wheel while tearing").changed() {
+        state.tilt = degrees.to_radians();
+    }
+    let diagonal = state.diagonal;
+    let mut width = state.config.tear.width * diagonal;
+    let hint = "Width of the slit that is taken out; 0 is a slit that takes nothing out";
+    let mut changed = millimetres(ui, &mut width, 0.0, 0.1 * diagonal, "width", hint);
+    state.config.tear.width = width / diagonal;
+    ui.horizontal(|ui| {
+        ui.label("wall");
+        for (wall, name) in [(WallMode::Open, "open"), (WallMode::Closed, "closed")] {
+            let hint = "Open: the surface is clipped. Closed: walls and a floor line the slit";
+            changed |= ui.selectable_value(&mut state.config.tear.wall, wall, name).on_hover_text(hint).changed();
+        }
+    });
+    if state.config.tear.wall == WallMode::Closed && state.config.tear.width == 0.0 {
+        ui.colored_label(WARNING, "A slit of width 0 has no walls.");
+    }
+    let mut gap = state.config.tear.gap * diagonal;
+    changed |= millimetres(ui, &mut gap, 0.0, 0.1 * diagonal, "opening", "How far the lips of a wound are drawn apart");
+    state.config.tear.gap = gap / diagonal;
+    let time = Slider::new(&mut state.config.tear.opening_time, 0.0..=3.0).suffix(" s").text("opens in");
+    changed |= ui.add(time).on_hover_text("Seconds until a wound stands open").changed();
+    millimetres(ui, &mut state.grab_radius, 0.01 * diagonal, 0.4 * diagonal, "grab", "Radius of a grab (Ctrl and drag)");
+    if changed {
+        actions.push(PanelAction::SettingsChanged);
+    }
+}
+
+fn material(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    ui.horizontal(|ui| {
+        for (preset, name, hint) in [
+            (PresetName::Soft, "soft", "Follows the hand far and comes back slowly"),
+            (PresetName::Firm, "firm", "Gives little and settles at once"),
+            (PresetName::Sponge, "sponge", "Gives locally and creeps back"),
+        ] {
+            let now = state.config.dynamics.preset == preset;
+            if ui.selectable_label(now, name).on_hover_text(hint).clicked() && !now {
+                state.config.dynamics.preset = preset;
+                actions.push(PanelAction::Material(preset));
+            }
+        }
+    });
+    let dynamics = &mut state.config.dynamics;
+    let values = match dynamics.preset {
+        PresetName::Soft => &mut dynamics.soft,
+        PresetName::Firm => &mut dynamics.firm,
+        PresetName::Sponge => &mut dynamics.sponge,
+    };
+    let mut changed = false;
+    let mut slider = |slider: Slider<'_>, hint: &str| changed |= ui.add(slider).on_hover_text(hint).changed();
+    slider(
+        Slider::new(&mut values.frequency, 0.2..=20.0).logarithmic(true).suffix(" Hz").text("frequency"),
+        "Of a lone particle on its anchor",
+    );
+    slider(Slider::new(&mut values.damping, 0.0..=3.0).text("damping"), "Ratio: 0 rings for ever, 1 is critical");
+    slider(
+        Slider::new(&mut values.coupling, 0.0..=8.0).text("coupling"),
+        "Stiffness of a spring to a neighbour, in anchor stiffnesses: how far a push spreads",
+    );
+    if changed {
+        actions.push(PanelAction::SettingsChanged);
+    }
+}
+
+fn animation(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    let name = |i: Option<usize>| i.and_then(|i| state.animations.get(i)).map_or("rest pose", |a| a.0.as_str()).to_string();
+    ComboBox::from_id_salt("animation").selected_text(name(state.animation)).show_ui(ui, |ui| {
+        for choice in std::iter::once(None).chain((0..state.animations.len()).map(Some)) {
+            let text = match choice.and_then(|i| state.animations.get(i)) {
+                Some((name, duration)) => format!("{name} ({duration:.2} s)"),
+                None => "rest pose".to_string(),
+            };
+            if ui.selectable_label(state.animation == choice, text).clicked() {
+                actions.push(PanelAction::Animate(choice));
+            }
+        }
+    });
+    let speed = Slider::new(&mut state.speed, 0.0..=4.0).suffix(" x").text("speed");
+    if ui.add(speed).on_hover_text("Speed of the animation; 1 is the model's own").changed() {
+        actions.push(PanelAction::Speed(state.speed));
+    }
+    ui.horizontal(|ui| {
+        let mut paused = state.paused;
+        if ui.checkbox(&mut paused, "Pause").on_hover_text("Stop the clock (P)").changed() {
+            actions.push(PanelAction::Pause(paused));
+        }
+        if ui.add_enabled(state.paused, egui::Button::new("Step")).on_hover_text("One step of 1/90 s (N)").clicked() {
+            actions.push(PanelAction::Step);
+        }
+    });
+}
+
+fn particles(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    let diagonal = state.diagonal;
+    let mut spacing = state.spacing.unwrap_or(state.spacing_used);
+    let hint = "Least distance of particles; applies when let go";
+    if millimetres(ui, &mut spacing, 0.01 * diagonal, 0.3 * diagonal, "spacing", hint) {
+        state.spacing = Some(spacing);
+    }
+    let settings = &mut state.config.particles;
+    ui.add(Slider::new(&mut settings.radius, 1.05..=4.0).suffix(" spacings").text("radius"))
+        .on_hover_text("Reach of a particle's influence; 1.5 spacings or more is smooth");
+    ui.add(Slider::new(&mut settings.neighbours, 0.0..=6.0).suffix(" spacings").text("springs"))
+        .on_hover_text("Particles nearer than this are joined by a spring");
+    ui.horizontal(|ui| {
+        let ready = state.loading.is_none();
+        let hint = "Sample the particles anew with these values; edits are lost";
+        if ui.add_enabled(ready, egui::Button::new("Regenerate")).on_hover_text(hint).clicked() {
+            actions.push(PanelAction::Regenerate);
+        }
+        if ui.button("Save settings").on_hover_text("Write all settings to config.toml").clicked() {
+            actions.push(PanelAction::SaveConfig);
+        }
+    });
+}
+
+fn layers(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    for (layer, name, hint) in LAYERS {
+        let mut on = state.layers.contains(&layer);
+        if ui.checkbox(&mut on, name).on_hover_text(hint).changed() {
+            actions.push(PanelAction::Show(layer, on));
+        }
+    }
+}
+
+fn timing(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    plot(ui, state);
+    egui::Grid::new("stages").num_columns(2).spacing([16.0, 2.0]).show(ui, |ui| {
+        for &(name, ms) in state.stages.rows() {
+            ui.small(name);
+            ui.small(format!("{ms:.3} ms"));
+            ui.end_row();
+        }
+    });
+    if !state.table.is_empty() {
+        ui.separator();
+        ui.small("Last tear, a segment");
+        egui::Grid::new("table").num_columns(3).spacing([12.0, 2.0]).striped(true).show(ui, |ui| {
+            for heading in ["", "median", "most"] {
+                ui.small(heading);
+            }
+            ui.end_row();
+            for row in &state.table {
+                ui.small(row.name);
+                ui.small(format!("{:.3} ms", row.median_ms));
+                ui.small(format!("{:.3} ms", row.most_ms));
+                ui.end_row();
+            }
+        });
+    }
+    let mut vsync = state.vsync;
+    if ui.checkbox(&mut vsync, "Wait for the display").on_hover_text("Vertical synchronisation").changed() {
+        actions.push(PanelAction::Vsync(vsync));
+    }
+    ui.small(&state.adapter);
+}
+
+/// Milliseconds of the last frames as bars; the line is 1/90 s.
+fn plot(ui: &mut Ui, state: &PanelState) {
+    let (area, response) = ui.allocate_exact_size(egui::vec2(ui.available_width(), 56.0), egui::Sense::hover());
+    let paint = ui.painter_at(area);
+    paint.rect_filled(area, 3.0, Color32::from_gray(20));
+    let budget = 1000.0 / 90.0;
+    let most = state.frame_ms.iter().copied().fold(1.5 * budget, f32::max);
+    let height = |ms: f32| area.bottom() - area.height() * ms / most;
+    let step = area.width() / state.frame_ms.len().max(60) as f32;
+    for (i, &ms) in state.frame_ms.iter().enumerate() {
+        let left = area.left() + i as f32 * step;
+        let bar = egui::Rect::from_min_max(egui::pos2(left, height(ms)), egui::pos2(left + (step - 1.0).max(1.0), area.bottom()));
+        paint.rect_filled(bar, 0.0, if ms > budget { WARNING } else { Color32::from_rgb(90, 170, 130) });
+    }
+    paint.hline(area.x_range(), height(budget), egui::Stroke::new(1.0, Color32::from_gray(120)));
+    response.on_hover_text("Milliseconds of the last frames; the line is 1/90 s");
+}
+
+const WARNING: Color32 = Color32::from_rgb(225, 150, 70);
+
+/// A slider in millimetres over metres. Returns whether the value was changed.
+fn millimetres(ui: &mut Ui, metres: &mut f64, low: f64, high: f64, text: &str, hint: &str) -> bool {
+    let mut value = *metres * 1e3;
+    let slider = Slider::new(&mut value, low * 1e3..=high * 1e3).suffix(" mm").text(text).max_decimals(2).smart_aim(false);
+    let changed = ui.add(slider).on_hover_text(hint).changed();
+    if changed {
+        *metres = value / 1e3;
+    }
+    changed
+}
+
+fn length(metres: f64) -> String {
+    if metres < 1.0 { format!("{:.1} mm", metres * 1e3) } else { format!("{metres:.2} m") }
+}
+
+/// Notices and help over the picture.
+pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
+    if let Some(notice) = state.notice.clone() {
+        let title = if notice.error { "That did not work" } else { "Done" };
+        let mut close = false;
+        egui::Window::new(title)
+            .id(egui::Id::unique("notice"))
+            .collapsible(false)
+            .resizable(false)
+            .default_width(420.0)
+            .fixed_pos(free.left_top() + egui::vec2(16.0, 16.0))
+            .show(ui.ctx(), |ui| {
+                let colour = if notice.error { Color32::from_rgb(240, 130, 110) } else { ui.visuals().text_color() };
+                ui.colored_label(colour, &notice.text);
+                close = ui.button("OK").clicked();
+            });
+        if close {
+            state.notice = None;
+        }
+    }
+    if state.help {
+        let mut open = true;
+        egui::Window::new("Mouse and keys")
+            .open(&mut open)
+            .collapsible(false)
+            .resizable(false)
+            .default_pos(free.center() - egui::vec2(230.0, 240.0))
+            .show(ui.ctx(), |ui| {
+                egui::Grid::new("help").num_columns(2).spacing([24.0, 4.0]).striped(true).show(ui, |ui| {
+                    for (keys, what) in HELP {
+                        ui.label(RichText::new(keys).strong());
+                        ui.label(what);
+                        ui.end_row();
+                    }
+                });
+            });
+        state.help &= open;
+    }
+}

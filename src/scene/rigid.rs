@@ -1,0 +1,296 @@
+//! The rigid world of a scene: what a user's instruments push, and pieces that fall once they have come off (MATHS 4.4, 6).
+
+use super::{Scene, TissueId};
+use crate::physics::{BodyId, RigidPose, RigidShape, RigidWorld};
+use crate::tissue::Tissue;
+use glam::DVec3;
+use std::collections::BTreeMap;
+
+/// Which pieces fall once a tissue has come apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fixed {
+    /// The largest piece stays.
+    #[default]
+    Largest,
+    /// The piece on the skeleton's first joint stays; without a skeleton, the largest.
+    Root,
+}
+
+/// How severed pieces behave.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PieceSettings {
+    /// Whether they fall at all.
+    pub fall: bool,
+    /// Which one stays.
+    pub fixed: Fixed,
+    /// Their density, kg/m^3.
+    pub density: f64,
+}
+
+impl Default for PieceSettings {
+    fn default() -> Self {
+        Self { fall: false, fixed: Fixed::Largest, density: crate::tissue::touch::DENSITY }
+    }
+}
+
+/// A rigid body as a user sees it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColliderView {
+    /// The number it was placed with.
+    pub id: u32,
+    /// Its shape.
+    pub shape: RigidShape,
+    /// `model_from_collider`.
+    pub pose: RigidPose,
+    /// Force that tissues put on it, N.
+    pub reaction: DVec3,
+}
+
+struct Collider {
+    body: BodyId,
+    shape: RigidShape,
+    target: RigidPose,
+}
+
+/// Bodies of instruments and of loose pieces.
+pub(super) struct Rigid {
+    world: RigidWorld,
+    colliders: BTreeMap<u32, Collider>,
+    /// Loose tissues and their bodies, whose origin is the tissue's.
+    loose: BTreeMap<TissueId, BodyId>,
+    /// For each piece that came off: what it came off, and whether that was loose already.
+    parents: BTreeMap<TissueId, (TissueId, bool)>,
+    settings: PieceSettings,
+    /// Bounds of the model as it was loaded: what the table lies under.
+    ground: (DVec3, DVec3),
+}
+
+/// Longest step while rigid bodies touch or fall, s; longer ones are split, [`MOST_PARTS`] at most.
+const LONGEST_TOUCH: f64 = 1.0 / 40.0;
+/// Most parts of a step.
+const MOST_PARTS: usize = 40;
+/// Directions in which a loose piece's hull reaches as far as the piece.
+const HULL_POINTS: usize = 64;
+/// The table lies this far under the model, in half diagonals: where the tray is drawn.
+const TABLE_GAP: f64 = 0.015;
+
+impl Rigid {
+    pub(super) fn new(tissue: &Tissue) -> Self {
+        let (low, high) = tissue.bounds();
+        let ground = (tissue.to_model(low), tissue.to_model(high));
+        Self {
+            world: RigidWorld::new(DVec3::Y, tissue.diagonal()),
+            colliders: BTreeMap::new(),
+            loose: BTreeMap::new(),
+            parents: BTreeMap::new(),
+            settings: PieceSettings::default(),
+            ground,
+        }
+    }
+
+    /// Number of equal parts that a step of `h` seconds is made in.
+    fn parts(&self, h: f64) -> usize {
+        let active = !self.colliders.is_empty() || !self.loose.is_empty();
+        if active { ((h / LONGEST_TOUCH - 1e-9).ceil() as usize).clamp(1, MOST_PARTS) } else { 1 }
+    }
+
+    /// The body of a loose tissue.
+    pub(super) fn body_of(&self, id: TissueId) -> Option<BodyId> {
+        self.loose.get(&id).copied()
+    }
+
+    fn drop_body(&mut self, id: TissueId) {
+        if let Some(body) = self.loose.remove(&id) {
+            self.world.remove(body);
+        }
+    }
+
+    /// Gives a tissue a body where it stands, moving as it did. One without extent stays where it is.
+    fn loosen(&mut self, id: TissueId, tissue: &Tissue) {
+        let velocity = self.loose.get(&id).map_or(DVec3::ZERO, |body| self.world.velocity(*body));
+        self.drop_body(id);
+        let mass = tissue.mass_guess() * self.settings.density / crate::tissue::touch::DENSITY;
+        if let Some(body) = self.world.add_hull(&tissue.hull_points(HULL_POINTS), mass, tissue.frame()) {
+            self.world.set_velocity(body, velocity);
+            self.loose.insert(id, body);
+        }
+    }
+}
+
+impl Scene {
+    /// How pieces behave from now on. They do not fall unless this says so.
+    pub fn set_pieces(&mut self, settings: PieceSettings) {
+        self.rigid.settings = settings;
+        let (low, high) = self.rigid.ground;
+        let table = low.y - TABLE_GAP * 0.5 * (high - low).length();
+        self.rigid.world.set_table(settings.fall.then_some(table));
+    }
+
+    /// How much of weight and inertia the particles of every tissue feel.
+    pub fn set_body_forces(&mut self, forces: crate::tissue::forces::BodyForces) {
+        self.tissues.values_mut().for_each(|t| t.set_body_forces(forces));
+    }
+
+    /// Bounds of the model as it was loaded, model space: what the table and the tray lie under, wherever pieces roll.
+    pub fn ground_bounds(&self) -> (DVec3, DVec3) {
+        self.rigid.ground
+    }
+
+    /// Instruments, hands and other rigid bodies, by id.
+    pub fn colliders(&self) -> impl Iterator<Item = ColliderView> + '_ {
+        self.rigid.colliders.iter().map(|(&id, c)| ColliderView {
+            id,
+            shape: c.shape,
+            pose: self.rigid.world.pose(c.body).unwrap_or(c.target),
+            reaction: self.rigid.world.reaction(c.body),
+        })
+    }
+
+    /// True for a piece that has come off and falls.
+    pub fn is_loose(&self, id: TissueId) -> bool {
+        self.rigid.loose.contains_key(&id)
+    }
+
+    /// Puts a rigid body into the scene, or moves it: over the next step it goes from where it is to `pose` (model space) and
+    /// takes along what is in its way. Another shape under the same id is a new body. Nonsense is ignored.
+    pub(super) fn place_collider(&mut self, id: u32, shape: RigidShape, pose: RigidPose) {
+        let Some(pose) = pose.checked() else { return };
+        let rigid = &mut self.rigid;
+        if let Some(known) = rigid.colliders.get_mut(&id)
+            && known.shape == shape
+        {
+            known.target = pose;
+            return;
+        }
+        self.remove_collider(id);
+        if let Some(body) = self.rigid.world.add_driven(shape, pose) {
+            self.rigid.colliders.insert(id, Collider { body, shape, target: pose });
+        }
+    }
+
+    /// Takes a rigid body away.
+    pub(super) fn remove_collider(&mut self, id: u32) {
+        if let Some(collider) = self.rigid.colliders.remove(&id) {
+            self.rigid.world.remove(collider.body);
+        }
+    }
+
+    /// Advances rigid bodies and soft layers by `step_s` seconds. A step that is not above 0 does nothing; one over a second
+    /// counts as a second; while rigid bodies touch or fall, long steps are made in parts.
+    pub fn step(&mut self, step_s: f64) {
+        let h = if step_s > 0.0 { step_s.min(crate::physics::MAX_STEP) } else { 0.0 };
+        let parts = self.rigid.parts(h);
+        for part in 0..parts {
+            self.step_part(h / parts as f64, parts - part);
+        }
+    }
+
+    /// One part; `left` parts remain, this one included.
+    fn step_part(&mut self, h: f64, left: usize) {
+        let Rigid { world, colliders, loose, .. } = &mut self.rigid;
+        for collider in colliders.values() {
+            let Some(from) = world.pose(collider.body) else { continue };
+            let share = 1.0 / left as f64;
+            let to = &collider.target;
+            let way = if left == 1 {
+                *to
+            } else {
+                RigidPose {
+                    rotation: from.rotation.slerp(to.rotation, share),
+                    translation: from.translation.lerp(to.translation, share),
+                }
+            };
+            world.drive(collider.body, way);
+        }
+        world.step(h);
+        for (id, body) in loose.iter() {
+            if let (Some(tissue), Some(pose)) = (self.tissues.get_mut(id), world.pose(*body)) {
+                tissue.set_frame(pose);
+            }
+        }
+        self.move_grabs();
+        let Rigid { world, loose, .. } = &mut self.rigid;
+        for (id, tissue) in &mut self.tissues {
+            tissue.touch(world, loose.get(id).copied(), h);
+            tissue.step(h);
+        }
+        for (id, tissue) in &self.tissues {
+            tissue.react(world, loose.get(id).copied());
+        }
+    }
+
+    /// True if no rigid body moves.
+    pub(super) fn rigid_rests(&self) -> bool {
+        let placed = |c: &Collider| self.rigid.world.pose(c.body) == Some(c.target);
+        self.rigid.world.is_resting() && self.rigid.colliders.values().all(placed)
+    }
+
+    /// Pieces have come off `parent`: all but the one that is fixed fall from now on.
+    pub(super) fn pieces_came_off(&mut self, parent: TissueId, made: &[TissueId]) {
+        if !self.rigid.settings.fall || made.is_empty() {
+            return;
+        }
+        let was_loose = self.rigid.loose.contains_key(&parent);
+        let all: Vec<TissueId> = std::iter::once(parent).chain(made.iter().copied()).collect();
+        let stays = if was_loose { None } else { self.fixed_among(&all) };
+        for id in all {
+            if id != parent {
+                self.rigid.parents.insert(id, (parent, was_loose));
+            }
+            if let Some(tissue) = self.tissues.get(&id).filter(|_| Some(id) != stays) {
+                self.rigid.loosen(id, tissue);
+            }
+        }
+    }
+
+    /// The piece that stays; the first among equals.
+    fn fixed_among(&self, pieces: &[TissueId]) -> Option<TissueId> {
+        let hold = |id: &TissueId| {
+            let Some(tissue) = self.tissues.get(id) else { return (0.0, 0.0) };
+            let root = if self.rigid.settings.fixed == Fixed::Root { tissue.root_weight() } else { 0.0 };
+            (root, tissue.measure_all().area)
+        };
+        let mut best: Option<(TissueId, (f64, f64))> = None;
+        for id in pieces {
+            let now = hold(id);
+            if best.is_none_or(|(_, b)| now > b) {
+                best = Some((*id, now));
+            }
+        }
+        best.map(|b| b.0)
+    }
+
+    /// A severing was undone: the piece is gone, and what it came off is back where it was.
+    pub(super) fn piece_went_back(&mut self, piece: TissueId) {
+        self.rigid.drop_body(piece);
+        if let Some(&(parent, was_loose)) = self.rigid.parents.get(&piece) {
+            if !was_loose {
+                self.rigid.drop_body(parent);
+                if let Some(tissue) = self.tissues.get_mut(&parent) {
+                    tissue.set_frame(tissue.home());
+                }
+            } else if let Some(tissue) = self.tissues.get(&parent) {
+                self.rigid.loosen(parent, tissue);
+            }
+        }
+    }
+
+    /// A severing was done again: pieces start from where their parents are.
+    pub(super) fn pieces_came_back(&mut self, pieces: &[TissueId]) {
+        let mut by_parent: BTreeMap<TissueId, Vec<TissueId>> = BTreeMap::new();
+        for piece in pieces {
+            if let Some(&(parent, _)) = self.rigid.parents.get(piece) {
+                by_parent.entry(parent).or_default().push(*piece);
+            }
+        }
+        for (parent, made) in by_parent {
+            let frame = self.tissues.get(&parent).map(Tissue::frame);
+            for id in &made {
+                if let (Some(tissue), Some(frame)) = (self.tissues.get_mut(id), frame) {
+                    tissue.set_frame(frame);
+                }
+            }
+            self.pieces_came_off(parent, &made);
+        }
+    }
+}

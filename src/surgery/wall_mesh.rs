@@ -1,0 +1,278 @@
+//! Triangulates the walls of one facet: directed loops in its plane, region to the left, any number, holes allowed.
+//!
+//! Every directed loop edge lies in exactly one triangle and every other edge in two opposed ones, whatever the geometry:
+//! ears are only *chosen* by geometry. Two edges that run back and forth between the same points cancel instead.
+
+use crate::geometry::predicates::orient2d;
+
+/// Doubled area over the longest side squared that counts as none. A lip on a flat skin is a straight line but for rounding:
+/// an ear that cut off all of it would leave slivers.
+const FLAT: f64 = 1e-11;
+
+/// The rings of one facet, holes joined to them, and the one that is being cut up.
+#[derive(Clone, Debug, Default)]
+pub struct FacetMesh {
+    rings: Vec<Vec<u32>>,
+    ring: Vec<u32>,
+}
+
+impl FacetMesh {
+    /// Triangulates `loops` (indices into `points`), appending to `out`.
+    pub fn triangulate<'a>(
+        &mut self,
+        points: &[[f64; 2]],
+        loops: impl Iterator<Item = &'a [u32]> + Clone,
+        out: &mut Vec<[u32; 3]>,
+    ) {
+        self.rings.clear();
+        let mut holes: Vec<&[u32]> = Vec::new();
+        for points_of in loops {
+            if doubled_area(points, points_of) >= 0.0 {
+                self.rings.push(points_of.to_vec());
+            } else {
+                holes.push(points_of);
+            }
+        }
+        // from the right to the left, as rings grow by the holes they swallow
+        let right = |hole: &[u32]| hole.iter().map(|&p| points[p as usize][0]).fold(f64::NEG_INFINITY, f64::max);
+        holes.sort_by(|a, b| right(b).total_cmp(&right(a)));
+        for hole in holes {
+            match self.ring_around(points, hole) {
+                Some(ring) => self.bridge(points, ring, hole),
+                None => self.rings.push(hole.to_vec()),
+            }
+        }
+        for ring in std::mem::take(&mut self.rings) {
+            self.ring = ring;
+            self.clip_ears(points, out);
+        }
+    }
+
+    /// The smallest ring that holds the hole's first point.
+    fn ring_around(&self, points: &[[f64; 2]], hole: &[u32]) -> Option<usize> {
+        let p = points[hole[0] as usize];
+        let around = (0..self.rings.len()).filter(|&r| contains(points, &self.rings[r], p));
+        let area = |r: usize| doubled_area(points, &self.rings[r]);
+        let inside = around.min_by(|&a, &b| area(a).total_cmp(&area(b)));
+        inside.or_else(|| (0..self.rings.len()).max_by(|&a, &b| area(a).total_cmp(&area(b))))
+    }
+
+    /// Joins a hole to a ring by the shortest bridge that crosses nothing.
+    fn bridge(&mut self, points: &[[f64; 2]], ring: usize, hole: &[u32]) {
+        let outer = &self.rings[ring];
+        let at = |p: u32| points[p as usize];
+        let mut best = (f64::INFINITY, 0, 0);
+        let mut shortest = (f64::INFINITY, 0, 0);
+        for i in 0..outer.len() {
+            for j in 0..hole.len() {
+                let (p, q) = (at(outer[i]), at(hole[j]));
+                let length = squared(p, q);
+                if length < shortest.0 {
+                    shortest = (length, i, j);
+                }
+                if length < best.0
+                    && in_sector(points, outer, i, q)
+                    && !crosses(points, outer, p, q)
+                    && !crosses(points, hole, p, q)
+                {
+                    best = (length, i, j);
+                }
+            }
+        }
+        let (_, i, j) = if best.0 < f64::INFINITY { best } else { shortest };
+        let m = hole.len();
+        let inner = (0..=m).map(|k| hole[(j + k) % m]);
+        let joined: Vec<u32> = outer[..=i].iter().copied().chain(inner).chain(outer[i..].iter().copied()).collect();
+        self.rings[ring] = joined;
+    }
+
+    /// Cuts ears, the best-shaped proper one first; where there is none, the least bad one.
+    fn clip_ears(&mut self, points: &[[f64; 2]], out: &mut Vec<[u32; 3]>) {
+        let mut ring = std::mem::take(&mut self.ring);
+        cancel_spikes(&mut ring);
+        while ring.len() > 3 {
+            let n = ring.len();
+            let corner = |i: usize| [ring[(i + n - 1) % n], ring[i], ring[(i + 1) % n]];
+            let mut best = (FLAT, None);
+            let mut forced = (f64::NEG_INFINITY, 0);
+            for i in 0..n {
+                let t = corner(i);
+                let quality = shape(points, t);
+                if quality > best.0 && !ring.iter().any(|&p| blocks(points, t, p)) {
+                    best = (quality, Some(i));
+                }
+                if quality > forced.0 {
+                    forced = (quality, i);
+                }
+            }
+            let i = best.1.unwrap_or(forced.1);
+            out.push(corner(i));
+            ring.remove(i);
+            cancel_spikes(&mut ring);
+        }
+        if let [a, b, c] = ring[..] {
+            out.push([a, b, c]);
+        }
+        ring.clear();
+        self.ring = ring;
+    }
+}
+
+/// Takes out repeated points and edges that run back and forth.
+fn cancel_spikes(ring: &mut Vec<u32>) {
+    loop {
+        let n = ring.len();
+        if n < 3 {
+            ring.clear();
+            return;
+        }
+        let same = (0..n).find(|&i| ring[i] == ring[(i + 1) % n]);
+        let spike = (0..n).find(|&i| ring[(i + n - 1) % n] == ring[(i + 1) % n]);
+        match (same, spike) {
+            (Some(i), _) => {
+                ring.remove(i);
+            }
+            (None, Some(i)) => {
+                let after = (i + 1) % n;
+                ring.remove(i.max(after));
+                ring.remove(i.min(after));
+            }
+            (None, None) => return,
+        }
+    }
+}
+
+fn squared(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)
+}
+
+/// Twice the signed area of a polygon.
+pub fn doubled_area(points: &[[f64; 2]], polygon: &[u32]) -> f64 {
+    let at = |i: usize| points[polygon[i % polygon.len()] as usize];
+    let o = at(0);
+    (1..polygon.len()).map(|i| (at(i)[0] - o[0]) * (at(i + 1)[1] - o[1]) - (at(i + 1)[0] - o[0]) * (at(i)[1] - o[1])).sum()
+}
+
+/// Shape of a triangle: doubled signed area over the longest side squared.
+fn shape(points: &[[f64; 2]], t: [u32; 3]) -> f64 {
+    let [p, q, r] = t.map(|i| points[i as usize]);
+    let longest = squared(p, q).max(squared(q, r)).max(squared(r, p));
+    if longest > 0.0 { orient2d(p, q, r) / longest } else { 0.0 }
+}
+
+/// True if `p` lies in the closed triangle, or off it by rounding, and is none of its corners.
+fn blocks(points: &[[f64; 2]], t: [u32; 3], p: u32) -> bool {
+    if t.contains(&p) {
+        return false;
+    }
+    let [a, b, c] = t.map(|i| points[i as usize]);
+    let p = points[p as usize];
+    let rounding = -FLAT * squared(a, b).max(squared(b, c)).max(squared(c, a));
+    orient2d(a, b, p) >= rounding && orient2d(b, c, p) >= rounding && orient2d(c, a, p) >= rounding
+}
+
+/// Even-odd rule with exact sides.
+fn contains(points: &[[f64; 2]], ring: &[u32], p: [f64; 2]) -> bool {
+    let n = ring.len();
+    let crossed = (0..n).filter(|&i| {
+        let (a, b) = (points[ring[i] as usize], points[ring[(i + 1) % n] as usize]);
+        (a[1] > p[1]) != (b[1] > p[1]) && (orient2d(a, b, p) > 0.0) == (b[1] > a[1])
+    });
+    crossed.count() % 2 == 1
+}
+
+/// True if `q` is seen from ring point `i` on the ring's inner side.
+fn in_sector(points: &[[f64; 2]], ring: &[u32], i: usize, q: [f64; 2]) -> bool {
+    let n = ring.len();
+    let at = |k: usize| points[ring[k % n] as usize];
+    let (a, b, c) = (at(i + n - 1), at(i), at(i + 1));
+    let (left_in, left_out) = (orient2d(a, b, q) > 0.0, orient2d(b, c, q) > 0.0);
+    if orient2d(a, b, c) > 0.0 { left_in && left_out } else { left_in || left_out }
+}
+
+/// True if segment `p`-`q` crosses or touches an edge of the polygon that it shares no end with.
+fn crosses(points: &[[f64; 2]], polygon: &[u32], p: [f64; 2], q: [f64; 2]) -> bool {
+    let n = polygon.len();
+    (0..n).any(|i| {
+        let (a, b) = (points[polygon[i] as usize], points[polygon[(i + 1) % n] as usize]);
+        if a == p || a == q || b == p || b == q {
+            return false;
+        }
+        let (s, t) = (orient2d(p, q, a), orient2d(p, q, b));
+        let (u, v) = (orient2d(a, b, p), orient2d(a, b, q));
+        (s > 0.0) != (t > 0.0) && (u > 0.0) != (v > 0.0)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(points: &[[f64; 2]], loops: &[&[u32]]) -> Vec<[u32; 3]> {
+        let mut out = Vec::new();
+        FacetMesh::default().triangulate(points, loops.iter().copied(), &mut out);
+        out
+    }
+
+    /// Directed edges without an opposite.
+    fn boundary(triangles: &[[u32; 3]]) -> Vec<(u32, u32)> {
+        let mut edges: Vec<(u32, u32)> = Vec::new();
+        for (a, b) in triangles.iter().flat_map(|t| (0..3).map(|k| (t[k], t[(k + 1) % 3]))) {
+            match edges.iter().position(|&e| e == (b, a)) {
+                Some(i) => {
+                    edges.swap_remove(i);
+                }
+                None => edges.push((a, b)),
+            }
+        }
+        edges.sort_unstable();
+        edges
+    }
+
+    fn edges_of(loops: &[&[u32]]) -> Vec<(u32, u32)> {
+        let mut edges: Vec<_> = loops.iter().flat_map(|l| (0..l.len()).map(|i| (l[i], l[(i + 1) % l.len()]))).collect();
+        edges.sort_unstable();
+        edges
+    }
+
+    #[test]
+    fn a_square_with_a_hole_and_a_second_part() {
+        let points = [
+            [0.0, 0.0],
+            [4.0, 0.0],
+            [4.0, 4.0],
+            [0.0, 4.0],
+            [1.0, 1.0],
+            [1.0, 2.0],
+            [2.0, 2.0],
+            [2.0, 1.0],
+            [5.0, 0.0],
+            [6.0, 0.0],
+            [6.0, 1.0],
+        ];
+        let loops: [&[u32]; 3] = [&[0, 1, 2, 3], &[4, 5, 6, 7], &[8, 9, 10]];
+        let t = run(&points, &loops);
+        assert_eq!(boundary(&t), edges_of(&loops));
+        let area: f64 = t.iter().map(|t| doubled_area(&points, t)).sum();
+        assert!((area - 31.0).abs() < 1e-12);
+        assert!(t.iter().all(|t| doubled_area(&points, t) > 0.0));
+    }
+
+    #[test]
+    fn a_straight_side_with_rounding_makes_no_slivers() {
+        let jitter = [0.0, 3e-17, -5e-17, 4e-17, -2e-17, 0.0];
+        let mut points: Vec<[f64; 2]> = (0..6).map(|i| [0.5 - 0.1 * f64::from(i), 0.3 + jitter[i as usize]]).collect();
+        points.extend([[0.0, 0.0], [0.5, 0.0]]);
+        let outline: Vec<u32> = (0..8).collect();
+        let t = run(&points, &[&outline]);
+        assert_eq!(t.len(), 6);
+        assert!(t.iter().all(|&t| shape(&points, t) > 0.01), "{t:?}");
+    }
+
+    #[test]
+    fn flat_and_coincident_points_lose_no_edge() {
+        let points = [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [2.0, 0.0], [1.0, 0.0], [0.5, 0.0]];
+        let loops: [&[u32]; 1] = [&[0, 1, 2, 3, 4, 5]];
+        assert_eq!(boundary(&run(&points, &loops)), edges_of(&loops));
+    }
+}

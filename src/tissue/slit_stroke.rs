@@ -1,0 +1,185 @@
+//! The tear of width 0: strips of the blade's surface instead of boxes; the surface is opened along them and nothing is
+//! taken out.
+//!
+//! Strips that follow one another share a blade line, and the slit has to run through it: its ends on that line are tagged
+//! and the next strip starts at exactly those vertices. Where the tissue has moved in between they no longer lie on the
+//! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two.
+
+use super::{SegmentReport, TearStroke, nearest_vertex};
+use crate::diagnostics::Stages;
+use crate::geometry::{FaceId, VertexId};
+use crate::particles::{LipVertex, MapUpdateReport};
+use crate::surgery::Slit;
+use crate::surgery::leaf::{Leaf, line};
+use crate::surgery::slit::{OnLines, SlitScratch, SlitStep, slit_more, slit_step};
+use crate::tissue::Tissue;
+use glam::DVec3;
+
+/// A strip goes on from another if its first blade lies on the other's last to this fraction of the diagonal.
+const SAME_LINE: f64 = 1e-9;
+/// A vertex this near to a strip is cut through, as a fraction of the diagonal: a few steps of the grid of the blades.
+const ON_PLANE: f64 = 1e-11;
+/// Strips that the next may go on from: two ends of a pivot's parts, and what came before them.
+const ENDS_KEPT: usize = 4;
+
+/// Where a strip ended.
+struct Ended {
+    /// Chain and place of the strip.
+    place: (u32, u32),
+    /// Tip and top of the blade, as seen and at rest.
+    blade: [DVec3; 2],
+    at_rest: [DVec3; 2],
+    /// Ends of the slit on that line.
+    vertices: Vec<VertexId>,
+}
+
+/// What a stroke of width 0 keeps between its strips.
+#[derive(Default)]
+pub(super) struct SlitState {
+    scratch: SlitScratch,
+    step: SlitStep,
+    ended: Vec<Ended>,
+    committed: Vec<Slit>,
+}
+
+impl SlitState {
+    pub(super) fn committed(&self) -> &[Slit] {
+        &self.committed
+    }
+
+    pub(super) fn release(&mut self) {
+        self.ended.clear();
+    }
+
+    /// Ends of the slit that `slit` goes on from, and the rest-space edge of the strip that it follows.
+    fn starts(&self, slit: &Slit, diagonal: f64) -> (Vec<OnLines>, Option<[DVec3; 2]>) {
+        let blade = [slit.corners[0], slit.corners[3]];
+        let follows = |e: &&Ended| (e.place.0, e.place.1 + 1) == (slit.chain, slit.index);
+        let same = |e: &&Ended| blade.iter().all(|&p| distance_to_line(p, e.blade) <= SAME_LINE * diagonal);
+        let from = self.ended.iter().filter(|e| follows(e) || same(e));
+        let mut tags: Vec<OnLines> =
+            from.flat_map(|e| &e.vertices).map(|&vertex| OnLines { vertex, lines: line::START }).collect();
+        tags.sort_unstable_by_key(|t| t.vertex);
+        tags.dedup();
+        (tags, self.ended.iter().rev().find(follows).map(|e| e.at_rest))
+    }
+
+    fn end(&mut self, slit: &Slit, at_rest: [DVec3; 2]) {
+        if self.ended.len() == ENDS_KEPT {
+            self.ended.remove(0);
+        }
+        let tags = self.step.tags.iter().filter(|t| t.lines & line::END != 0);
+        let (place, blade) = ((slit.chain, slit.index), [slit.corners[1], slit.corners[2]]);
+        self.ended.push(Ended { place, blade, at_rest, vertices: tags.map(|t| t.vertex).collect() });
+        self.committed.push(slit.clone());
+    }
+}
+
+fn distance_to_line(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
+    (p - a).reject_from_normalized((b - a).normalize_or(DVec3::X)).length()
+}
+
+impl TearStroke {
+    pub(super) fn tear_slit(&mut self, tissue: &mut Tissue, slit: &Slit) {
+        let mut report = SegmentReport::default();
+        let (starts, joint) = self.slits.starts(slit, tissue.diagonal());
+        let leaves = Leaf::of_slit(slit, ON_PLANE * tissue.diagonal());
+        let c = slit.corners;
+        let margin = DVec3::splat(1e-9 * tissue.diagonal());
+        let (low, high) = (c.into_iter().fold(c[0], DVec3::min) - margin, c.into_iter().fold(c[0], DVec3::max) + margin);
+        let (hit, [start, end]) = report.stages.time("perform_tear", || {
+            tissue.faces_near(low, high, &mut self.candidates);
+            let SlitState { scratch, step, .. } = &mut self.slits;
+            // at rest while every vertex of the candidates still has a row
+            let edges = [[c[0], c[3]], [c[1], c[2]]].map(|edge| at_rest(tissue, &self.candidates, edge));
+            let (mesh, posed) = tissue.split_borrow();
+            let hit = slit_step(mesh, &leaves, &self.candidates, &|v| posed.position(v), &starts, scratch, step);
+            if hit {
+                self.join_ends(tissue, slit, &starts);
+            }
+            (hit, edges)
+        });
+        let step = &self.slits.step;
+        report.faces_visited = step.faces_visited;
+        if hit {
+            let start = joint.unwrap_or(start);
+            report.new_vertices = step.new_vertices.len();
+            report.intersection_points = step.intersection_points;
+            report.opened_edges = step.opened_edges;
+            let corners = [start[0], end[0], end[1], start[1]];
+            let update = bind_slit(tissue, step, corners, self.slit, &mut report.stages);
+            report.wound_particles = update.particles_added.len();
+            let delta = report.stages.time("update_mesh", || tissue.take_delta());
+            self.deltas.push(delta);
+        }
+        self.slits.end(slit, end);
+        self.reports.push(report);
+    }
+
+    /// Joins ends of the slit that the strip has missed to its own nearest starts.
+    fn join_ends(&mut self, tissue: &mut Tissue, slit: &Slit, starts: &[OnLines]) {
+        let SlitState { scratch, step, .. } = &mut self.slits;
+        let is_start = |v: VertexId| starts.iter().any(|t| t.vertex == v);
+        let missed: Vec<VertexId> = starts.iter().map(|t| t.vertex).filter(|v| !step.met.contains(v)).collect();
+        let mut free: Vec<VertexId> = step.met.clone();
+        free.sort_unstable();
+        free.dedup();
+        free.retain(|&v| !is_start(v) && step.tags.contains(&OnLines { vertex: v, lines: line::START }));
+        let up = slit.corners[3] - slit.corners[0];
+        for from in missed {
+            let a = tissue.position(from);
+            let place = |v: VertexId| {
+                let new = step.new_vertices.iter().find(|n| n.vertex == v);
+                new.map_or_else(|| tissue.position(v), |n| n.position)
+            };
+            let near = |v: &VertexId| place(*v).distance_squared(a);
+            let Some(to) = free.iter().copied().min_by(|v, w| near(v).total_cmp(&near(w)).then(v.cmp(w))) else { break };
+            let b = place(to);
+            let Some(leaf) = Leaf::between(a, b, up, 2.0 * a.distance(b)).filter(|_| a.distance(b) < up.length()) else {
+                continue;
+            };
+            free.retain(|&v| v != to);
+            // what the strip itself has tagged is not on this leaf's lines
+            let others = std::mem::take(&mut step.tags);
+            step.tags.extend([OnLines { vertex: from, lines: line::START }, OnLines { vertex: to, lines: line::END }]);
+            tissue.faces_near(leaf.min, leaf.max, &mut self.candidates);
+            let (mesh, posed) = tissue.split_borrow();
+            slit_more(mesh, &[leaf], &self.candidates, &|v| posed.position(v), scratch, step);
+            step.tags = others;
+        }
+    }
+}
+
+/// Rows, strip and particle map of what a slit has opened; `corners` are the strip's at rest, tip, next tip, next top, top.
+pub(in crate::tissue) fn bind_slit(
+    tissue: &mut Tissue,
+    step: &SlitStep,
+    corners: [DVec3; 4],
+    slit: u32,
+    stages: &mut Stages,
+) -> MapUpdateReport {
+    stages.time("bind", || tissue.add_vertices(&step.new_vertices));
+    let strip = stages.time("disconnect_particles", || {
+        let layer = tissue.layer.as_mut()?;
+        layer.strips.push(corners, layer.settings.radius, slit).ok()
+    });
+    // a strip's normal, travel x up, points to the positive side of its leaves
+    let lips: Vec<LipVertex> = strip
+        .map_or_else(Vec::new, |strip| step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }).collect());
+    let update = stages.time("update_particles", || {
+        // vertices at the joint have sides only now: links that reach them are tested against the strip before, too
+        let first = |s: usize| if step.tags.iter().any(|t| t.lines & line::START != 0) { s.saturating_sub(1) } else { s };
+        let strips = strip.map_or(0..0, |s| first(s)..s + 1);
+        tissue.update_map(&step.new_vertices, &[], strips, &lips)
+    });
+    tissue.versions.structure += 1;
+    update
+}
+
+/// Two points carried to rest space by the surface vertex nearest to the second.
+pub(in crate::tissue) fn at_rest(tissue: &Tissue, faces: &[FaceId], [tip, top]: [DVec3; 2]) -> [DVec3; 2] {
+    match nearest_vertex(tissue, faces, top) {
+        Some(v) => [tip, top].map(|p| tissue.to_rest(v, p)),
+        None => [tip, top],
+    }
+}

@@ -1,0 +1,220 @@
+//! A tissue in the rigid world: where it stands, and what its skin touches (MATHS 4.4).
+
+use super::Tissue;
+use crate::geometry::{ParticleId, VertexId};
+use crate::physics::{BodyId, Contacts, RigidPose, RigidWorld, Skin};
+use glam::DVec3;
+
+/// Radius of the particles' collider spheres under the skin, in particle spacings: neighbouring ones overlap.
+const COLLIDER_RADIUS: f64 = 0.8;
+/// Density of tissue, kg/m^3: what masses of particles and pieces are guessed from.
+pub const DENSITY: f64 = 1000.0;
+
+/// Skin and contacts of a tissue, kept between frames.
+#[derive(Default)]
+pub(super) struct Touch {
+    pub contacts: Contacts,
+    anchors: Vec<Option<DVec3>>,
+    normals: Vec<DVec3>,
+    rest_normals: Vec<DVec3>,
+    /// Structure and pose that the skin was made for.
+    made_for: Option<(u64, u64, usize)>,
+    seen_frame: RigidPose,
+}
+
+impl Tissue {
+    /// Carries tissue space to model space: a translation until the tissue falls.
+    pub fn frame(&self) -> RigidPose {
+        self.frame
+    }
+
+    /// Puts the tissue elsewhere; nonsense is ignored.
+    pub fn set_frame(&mut self, frame: RigidPose) {
+        if let Some(frame) = frame.checked() {
+            self.frame = frame;
+        }
+    }
+
+    /// Where the tissue stands as loaded.
+    pub fn home(&self) -> RigidPose {
+        RigidPose::at(self.offset)
+    }
+
+    /// A point of model space in tissue space.
+    pub fn to_tissue(&self, p: DVec3) -> DVec3 {
+        self.frame.point_in(p)
+    }
+
+    /// A point of tissue space in model space.
+    pub fn to_model(&self, p: DVec3) -> DVec3 {
+        self.frame.point(p)
+    }
+
+    /// Finds what touches the skin at the end of a step of `h` seconds and holds those particles at the bodies' surfaces. `own`:
+    /// the tissue's own body, if it is loose. To be called after the world's step and before [`Tissue::step`]; then
+    /// [`Tissue::react`]. Costs nothing while there is no body, or nothing moves.
+    pub fn touch(&mut self, world: &mut RigidWorld, own: Option<BodyId>, h: f64) {
+        if (world.is_empty() && self.touch.contacts.is_empty()) || self.layer.is_none() {
+            return;
+        }
+        let stale = self.refresh_skin();
+        let asleep = self.layer.as_ref().is_some_and(|l| !l.network.awake());
+        let moved = std::mem::replace(&mut self.touch.seen_frame, self.frame) != self.frame;
+        if asleep && !stale && !moved && world.is_resting() && !self.touch.contacts.has_lost_a_body(world) {
+            return;
+        }
+        let Some(layer) = &mut self.layer else { return };
+        let Touch { contacts, anchors, normals, .. } = &mut self.touch;
+        let grabs = &self.scratch.grabs;
+        let skin = Skin { anchors, normals, radius: COLLIDER_RADIUS * layer.settings.spacing };
+        let had = !contacts.is_empty();
+        let grabbed = |p| grabs.iter().any(|g| g.0 == p);
+        let stirred = !asleep || stale || moved;
+        contacts.update(world, (&self.frame, own), &skin, (&layer.network, stirred), h, grabbed);
+        if had || !contacts.is_empty() {
+            self.apply_holds();
+        }
+    }
+
+    /// Puts the reaction of what touches, and of what hands hold, on the bodies. To be called after [`Tissue::step`].
+    pub fn react(&self, world: &mut RigidWorld, own: Option<BodyId>) {
+        if let Some(layer) = &self.layer
+            && !self.touch.contacts.is_empty()
+        {
+            self.touch.contacts.react(world, (&self.frame, own), &layer.network, layer.particle_mass);
+        }
+        if let (Some(layer), Some(own)) = (&self.layer, own) {
+            for (particle, _) in &self.scratch.grabs {
+                let at = self.particle_in_model(*particle);
+                world.press(own, at, &self.frame, (&layer.network, *particle), layer.particle_mass);
+            }
+        }
+    }
+
+    /// Where a particle is, model space.
+    pub fn particle_in_model(&self, particle: ParticleId) -> DVec3 {
+        let Some(layer) = &self.layer else { return self.frame.translation };
+        let anchor = layer.map.anchors[particle.index()];
+        self.to_model(if anchor.is_some() { self.skinned(anchor) } else { DVec3::ZERO } + layer.network.displacement(particle))
+    }
+
+    /// The displacement that takes a particle to a place in model space.
+    pub fn displacement_to(&self, particle: ParticleId, place: DVec3) -> DVec3 {
+        let anchor = self.layer.as_ref().map_or(VertexId::NONE, |l| l.map.anchors[particle.index()]);
+        if anchor.is_some() { self.to_tissue(place) - self.skinned(anchor) } else { DVec3::ZERO }
+    }
+
+    /// Share of its vertices' weights that the skeleton's first joint has; 0 without a skeleton.
+    pub fn root_weight(&self) -> f64 {
+        let of = |v: VertexId| {
+            self.rows.bones.row(v.index()).iter().filter(|b| b.joint == 0).map(|b| f64::from(b.weight)).sum::<f64>()
+        };
+        self.mesh.live_vertices().map(of).sum()
+    }
+
+    /// Number of particles that were tested against rigid bodies so far.
+    pub fn contact_tests(&self) -> u64 {
+        self.touch.contacts.visited()
+    }
+
+    /// Number of particles that rigid bodies hold.
+    pub fn contact_count(&self) -> usize {
+        self.touch.contacts.targets().len()
+    }
+
+    /// Hands the particles that hands and bodies hold to the network.
+    pub(super) fn apply_holds(&mut self) {
+        let Some(layer) = &mut self.layer else { return };
+        self.scratch.all_held.clear();
+        self.scratch.all_held.extend_from_slice(&self.scratch.grabs);
+        self.scratch.all_held.extend_from_slice(self.touch.contacts.targets());
+        layer.network.set_grabs(&self.scratch.all_held);
+    }
+
+    /// Lets go of everything that bodies hold.
+    pub fn let_go(&mut self) {
+        self.touch.contacts.clear();
+        self.apply_holds();
+    }
+
+    /// Brings anchors and normals to the pose. True if there was anything to do.
+    fn refresh_skin(&mut self) -> bool {
+        let Some(layer) = &self.layer else { return false };
+        let wanted = (self.versions.structure, self.versions.pose, layer.map.len());
+        if self.touch.made_for == Some(wanted) {
+            return false;
+        }
+        let same_structure = self.touch.made_for.is_some_and(|made| (made.0, made.2) == (wanted.0, wanted.2));
+        let Self { mesh, rest, rows, pose, touch, .. } = self;
+        if !same_structure {
+            touch.rest_normals.clear();
+            touch
+                .rest_normals
+                .extend(layer.map.anchors.iter().map(|&a| if a.is_some() { normal(mesh, rest, a) } else { DVec3::ZERO }));
+        }
+        touch.anchors.clear();
+        touch.normals.clear();
+        for (&anchor, &rest_normal) in layer.map.anchors.iter().zip(&touch.rest_normals) {
+            let live = anchor.is_some();
+            touch.anchors.push(live.then(|| pose.skin(rows, anchor)));
+            let turned = if live { pose.blended_linear(rows, anchor) * rest_normal } else { DVec3::ZERO };
+            touch.normals.push(turned.normalize_or_zero());
+        }
+        touch.made_for = Some(wanted);
+        true
+    }
+
+    /// Mass guessed from the volume that the surface encloses, at least that of a skin of a hundredth of the diagonal, kg.
+    pub fn mass_guess(&self) -> f64 {
+        let (low, high) = self.bounds();
+        let middle = 0.5 * (low + high);
+        let (mut volume, mut area) = (0.0, 0.0);
+        for f in self.mesh.live_faces() {
+            let [a, b, c] = self.mesh.face(f).map(|v| self.position(v) - middle);
+            volume += a.dot(b.cross(c)) / 6.0;
+            area += 0.5 * (b - a).cross(c - a).length();
+        }
+        let mass = DENSITY * volume.abs().max(0.01 * self.diagonal * area);
+        if mass.is_finite() { mass.max(1e-9) } else { 1.0 }
+    }
+
+    /// Points (tissue space) whose hull is nearly that of the tissue as it is seen: the farthest vertices in `count` directions,
+    /// drawn in by a few per cent so that pieces do not start inside each other.
+    pub fn hull_points(&self, count: usize) -> Vec<DVec3> {
+        const SHRUNK: f64 = 0.97;
+        const MOST_VERTICES: usize = 20_000;
+        let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        let directions = (0..count).map(|k| {
+            let y = 1.0 - (2 * k + 1) as f64 / count as f64;
+            let (sin, cos) = (golden * k as f64).sin_cos();
+            DVec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin)
+        });
+        let mut farthest: Vec<(DVec3, f64, VertexId)> = directions.map(|d| (d, f64::NEG_INFINITY, VertexId::NONE)).collect();
+        let stride = (self.mesh.vertex_slots() / MOST_VERTICES).max(1);
+        for v in self.mesh.live_vertices().step_by(stride) {
+            let p = self.position(v);
+            for (direction, most, vertex) in &mut farthest {
+                let reach = direction.dot(p);
+                if reach > *most {
+                    (*most, *vertex) = (reach, v);
+                }
+            }
+        }
+        let mut vertices: Vec<VertexId> = farthest.into_iter().map(|f| f.2).filter(|v| v.is_some()).collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let mut points: Vec<DVec3> = vertices.into_iter().map(|v| self.position(v)).collect();
+        let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
+        points.iter_mut().for_each(|p| *p = middle + SHRUNK * (*p - middle));
+        points
+    }
+}
+
+/// Area-weighted outward normal of a vertex at rest; zero where there is none.
+fn normal(mesh: &crate::geometry::Mesh, rest: &[DVec3], v: VertexId) -> DVec3 {
+    let area = |f: crate::geometry::FaceId| {
+        let [a, b, c] = mesh.face(f).map(|v| rest[v.index()]);
+        (b - a).cross(c - a)
+    };
+    mesh.fan(v).map(|h| area(h.face())).sum::<DVec3>().normalize_or_zero()
+}

@@ -1,0 +1,134 @@
+//! What closed walls need of a tissue: corners inside the volume as base vertices (MATHS 1.4), a material, wider sections.
+
+use super::Tissue;
+use crate::formats::Material;
+use crate::geometry::{FaceId, SectionId, VertexId};
+use crate::rig::{BoneWeight, RowEntry};
+use crate::surgery::insert::NewVertex;
+use glam::{DAffine3, DMat3, DVec3};
+use std::sync::Arc;
+
+/// Below this ratio of the blended matrix's volume to one, the dominant bone poses a corner instead.
+const NEAR_SINGULAR: f64 = 0.05;
+/// A corner this near to its place, as a fraction of the diagonal, is off by rounding alone.
+const ROUNDING: f64 = 5e-7;
+/// Bones that a corner leans on at most, as in glTF.
+const MOST_BONES: usize = 4;
+/// Rows longer than this become base vertices.
+pub(super) const LONGEST_ROW: usize = 12;
+
+impl Tissue {
+    /// The index of the material of walls and floors, made when first asked for. UVs there are metres along the wall.
+    pub(super) fn wound_material(&mut self) -> u32 {
+        self.own_material("wound", [0.16, 0.012, 0.012, 1.0])
+    }
+
+    /// The index of the material of caps, made when first asked for. UVs there are metres in the plane.
+    pub(super) fn cap_material(&mut self) -> u32 {
+        self.own_material("cap", [0.36, 0.035, 0.03, 1.0])
+    }
+
+    fn own_material(&mut self, name: &str, base_colour: [f32; 4]) -> u32 {
+        if let Some(known) = self.materials.iter().position(|m| m.name == name) {
+            return known as u32;
+        }
+        let materials = Arc::make_mut(&mut self.materials);
+        if materials.is_empty() {
+            // the faces of a model without materials name the first: it must not become this one
+            materials.push(Material { name: "flesh".into(), base_colour: [0.27, 0.058, 0.047, 1.0], ..Material::default() });
+        }
+        materials.push(Material { name: name.into(), base_colour, ..Material::default() });
+        materials.len() as u32 - 1
+    }
+
+    /// Appends a base vertex that stands at `n.position` now, with the bones of `n`'s first parent and moved by what moves it.
+    /// `made` lists the edit's vertices, whose influences are not known yet.
+    pub(super) fn push_corner(&mut self, n: &NewVertex, made: &[NewVertex]) -> VertexId {
+        let parent = n.parents[0].0;
+        if parent.is_none() {
+            return self.rows.push_base(n.position.as_vec3().to_array(), &[]);
+        }
+        let skinned = n.position - self.moved_by(parent, made);
+        let bones = self.blended_bones(&[(parent, 1.0)]);
+        let rest = self.solve_rest(&bones, skinned);
+        self.rows.push_base(rest.as_vec3().to_array(), &bones)
+    }
+
+    /// How far particles and fades move a vertex, which the edit may have made.
+    fn moved_by(&self, v: VertexId, made: &[NewVertex]) -> DVec3 {
+        let seen = made.iter().find(|m| m.vertex == v).map_or_else(|| self.position(v), |m| m.position);
+        seen - self.pose.skin(&self.rows, v)
+    }
+
+    /// Corners are stored in f32, so they stand a rounding off their place: there they are, rather than being held by a
+    /// fade, which would make the next box depend on the time that has passed.
+    pub(super) fn settle_corners(&self, made: &mut [NewVertex]) {
+        for i in 0..made.len() {
+            let (vertex, parent) = (made[i].vertex, made[i].parents[0].0);
+            if made[i].parent_count == 0 && parent.is_some() {
+                let stands = self.pose.skin(&self.rows, vertex) + self.moved_by(parent, made);
+                if stands.distance(made[i].position) < ROUNDING * self.diagonal {
+                    made[i].position = stands;
+                }
+            }
+        }
+    }
+
+    /// Bones of a combination of vertices: the heaviest few, with weights that sum to 1.
+    pub(super) fn blended_bones(&self, parents: &[(VertexId, f64)]) -> Vec<BoneWeight> {
+        let mut all: Vec<(u32, f64)> = Vec::new();
+        for &(parent, share) in parents {
+            let itself = [RowEntry { base: parent, padding: 0, weight: 1.0 }];
+            let row = self.rows.rows.row(parent.index());
+            for entry in if row.is_empty() { &itself[..] } else { row } {
+                for bone in self.rows.bones.row(entry.base.index()) {
+                    let weight = f64::from(bone.weight) * entry.weight * share;
+                    match all.iter_mut().find(|b| b.0 == bone.joint) {
+                        Some(known) => known.1 += weight,
+                        None => all.push((bone.joint, weight)),
+                    }
+                }
+            }
+        }
+        all.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        all.truncate(MOST_BONES);
+        all.retain(|b| b.1 > 1e-6);
+        let sum: f64 = all.iter().map(|b| b.1).sum();
+        all.iter().map(|&(joint, weight)| BoneWeight { joint, weight: (weight / sum) as f32 }).collect()
+    }
+
+    /// The rest position whose skinned place is `skinned` in the current pose.
+    pub(super) fn solve_rest(&self, bones: &[BoneWeight], skinned: DVec3) -> DVec3 {
+        let Some(first) = bones.first() else { return skinned };
+        let matrix = |joint: u32| self.pose.joint_matrices[joint as usize].affine();
+        let blended = bones.iter().fold(DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO }, |sum, b| {
+            let (m, w) = (matrix(b.joint), f64::from(b.weight));
+            DAffine3 { matrix3: sum.matrix3 + m.matrix3 * w, translation: sum.translation + m.translation * w }
+        });
+        let singular = blended.matrix3.determinant().abs() <= NEAR_SINGULAR;
+        let m = if singular { matrix(first.joint) } else { blended };
+        let rest = m.inverse().transform_point3(skinned);
+        if rest.is_finite() { rest } else { skinned }
+    }
+
+    /// Widens the sections that list `faces`, so that their corners lie inside.
+    pub(super) fn widen_sections(&mut self, faces: impl Iterator<Item = FaceId>) {
+        for f in faces {
+            let section = self.mesh.face_info(f).section;
+            for v in self.mesh.face(f) {
+                self.sections.widen(section, &self.rows, v, &self.pose);
+            }
+        }
+    }
+
+    /// Widens one section by many vertices at once.
+    pub(super) fn widen_section(&mut self, section: SectionId, vertices: impl Iterator<Item = VertexId>) {
+        self.sections.widen_by(section, &self.rows, vertices, &self.pose);
+    }
+
+    /// How far a vertex would stand from where it is held, metres: the length of its fade's offset.
+    pub(super) fn held_by(&self, v: VertexId) -> f64 {
+        let offset = self.fades.offset(v, self.time_s);
+        if offset == DVec3::ZERO { 0.0 } else { (self.pose.blended_linear(&self.rows, v) * offset).length() }
+    }
+}

@@ -1,0 +1,70 @@
+//! What a steady frame allocates: nothing of ours, from input to the notes of the upload. A test program of its own, since the
+//! allocator that counts is the program's.
+#![cfg(feature = "gpu")]
+
+mod common;
+
+use common::models::scene;
+use glam::DVec3;
+use incise::app::{App, FrameCounters, FrameTarget, FrameView};
+use incise::diagnostics::Stages;
+use incise::gpu::{Camera, Context, ContextOptions, DrawOptions, GpuError};
+use incise::host::mirror::Mirror;
+use incise::input::InputFrame;
+use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
+use std::alloc::System;
+use std::sync::Arc;
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+fn allocations() -> u64 {
+    let stats = ALLOCATOR.stats();
+    (stats.allocations + stats.reallocations) as u64
+}
+
+struct Target {
+    mirror: Mirror,
+    in_sync: u64,
+    /// Allocates on purpose.
+    leaky: bool,
+}
+
+impl FrameTarget for Target {
+    type Error = GpuError;
+
+    fn present(&mut self, view: &FrameView, _: &mut Stages, counters: &mut FrameCounters) -> Result<(), GpuError> {
+        let before = allocations();
+        self.mirror.sync(view)?;
+        let lines = self.mirror.layer_lines(view);
+        if self.leaky {
+            std::hint::black_box(Vec::<u8>::with_capacity(64));
+        }
+        self.in_sync = allocations() - before;
+        let camera = Camera { eye: DVec3::new(0.0, 0.3, 0.9), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.9 };
+        let options = DrawOptions { lines: &lines, ..Default::default() };
+        self.mirror.renderer_mut().draw(&camera, (32, 24), &options)?;
+        self.mirror.renderer().context().wait()?;
+        self.mirror.count(counters);
+        Ok(())
+    }
+}
+
+#[test]
+fn a_steady_frame_allocates_nothing_of_ours() {
+    let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
+    let mut target = Target { mirror: Mirror::new(context), in_sync: 0, leaky: false };
+    let (mut scene, animated) = scene("beam", 900);
+    scene.set_animation(animated.then_some(0));
+    let mut app = App::new(scene, 1.0, allocations);
+    let mut counts = Vec::new();
+    for number in 0..40 {
+        target.leaky = number == 39;
+        let input = InputFrame { time_s: f64::from(number) / 90.0, step_s: 1.0 / 90.0, ..InputFrame::default() };
+        let report = app.frame(&input, &mut target).expect("a frame");
+        assert!(report.counters.dispatches == 2, "the beam moves in every frame");
+        counts.push((report.counters.allocations, target.in_sync));
+    }
+    assert!(counts[30..39].iter().all(|c| *c == (0, 0)), "{counts:?}");
+    assert_eq!(counts[39], (0, 1), "the control is noticed");
+}

@@ -1,0 +1,185 @@
+//! Golden pictures of edited scenes: wounds open and closed, a cut, a stereo pair, every inspection layer; and what a steady
+//! frame allocates. Compared as in gpu_pictures.rs.
+#![cfg(feature = "gpu")]
+
+mod common;
+mod gpu_support;
+
+use common::models::scene;
+use glam::{DQuat, DVec3};
+use gpu_support::context;
+use gpu_support::golden::{TOLERANCE, compare, difference, load};
+use incise::app::{App, FrameCounters, FrameTarget, FrameView};
+use incise::diagnostics::Stages;
+use incise::geometry::Plane;
+use incise::gpu::{Camera, DrawOptions, Fov, GpuError, Instrument, Passes, Tool, ViewPose};
+use incise::host::mirror::Mirror;
+use incise::input::{InputFrame, Layer};
+use incise::scene::EditCommand;
+use incise::surgery::{BladePose, WallMode};
+
+const SIZE: (u32, u32) = (160, 120);
+
+struct Target {
+    mirror: Mirror,
+    views: Vec<ViewPose>,
+    instruments: Vec<Instrument>,
+    pictures: Vec<Vec<u8>>,
+    lines: usize,
+    draws: u64,
+    /// When drawing begins, seconds.
+    from_s: f64,
+}
+
+impl Target {
+    fn new(views: Vec<ViewPose>) -> Self {
+        Self {
+            mirror: Mirror::new(context()),
+            views,
+            instruments: Vec::new(),
+            pictures: Vec::new(),
+            lines: 0,
+            draws: 0,
+            from_s: 0.0,
+        }
+    }
+}
+
+impl FrameTarget for Target {
+    type Error = GpuError;
+
+    fn present(&mut self, view: &FrameView, _: &mut Stages, counters: &mut FrameCounters) -> Result<(), GpuError> {
+        self.mirror.sync(view)?;
+        if view.time_s < self.from_s {
+            return Ok(()); // Only the last pictures are looked at.
+        }
+        let lines = self.mirror.layer_lines(view);
+        self.lines = lines.len();
+        let options = DrawOptions { lines: &lines, instruments: &self.instruments, passes: Passes::Each, ..Default::default() };
+        let renderer = self.mirror.renderer_mut();
+        renderer.draw_views(&self.views, SIZE, &options)?;
+        self.pictures = (0..self.views.len() as u32).map(|v| renderer.read_picture(v)).collect::<Result<_, _>>()?;
+        self.mirror.count(counters);
+        self.draws = counters.draws;
+        Ok(())
+    }
+}
+
+fn eye(position: DVec3) -> ViewPose {
+    let camera = Camera { eye: position, target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.75 };
+    ViewPose::from_camera(&camera, f64::from(SIZE.0) / f64::from(SIZE.1)).expect("a camera")
+}
+
+fn from_above() -> Vec<ViewPose> {
+    vec![eye(DVec3::new(0.22, 0.36, 0.42))]
+}
+
+fn frame(app: &mut App, target: &mut Target, number: usize, commands: Vec<EditCommand>, show: &[(Layer, bool)]) {
+    let input =
+        InputFrame { time_s: number as f64 / 60.0, step_s: 1.0 / 60.0, commands, show: show.to_vec(), ..InputFrame::default() };
+    app.frame(&input, target).expect("a frame");
+}
+
+fn tear() -> Vec<EditCommand> {
+    let mut commands = vec![EditCommand::StrokeBegin { width: 0.012 }];
+    for k in 0..7 {
+        let tip = DVec3::new(-0.12 + 0.04 * f64::from(k), 0.015, -0.02 + 0.006 * f64::from(k));
+        commands.push(EditCommand::StrokePose(BladePose { t: 0.1 * f64::from(k), tip, base: tip + DVec3::Y * 0.3 }));
+    }
+    commands.push(EditCommand::StrokeEnd);
+    commands
+}
+
+/// A torn beam, opened, and what the eyes see.
+fn torn(wall: WallMode, views: Vec<ViewPose>) -> (App, Target) {
+    let mut target = Target::new(views);
+    target.from_s = 22.5 / 60.0;
+    let mut scene = scene("beam", 2400).0;
+    scene.set_wall(wall);
+    let mut app = App::new(scene, 1.0, || 0);
+    frame(&mut app, &mut target, 0, tear(), &[]);
+    for number in 1..24 {
+        frame(&mut app, &mut target, number, Vec::new(), &[]);
+    }
+    (app, target)
+}
+
+#[test]
+fn open_and_closed_wounds() {
+    let (_, open) = torn(WallMode::Open, from_above());
+    compare("open-wound", SIZE, &open.pictures[0]);
+    let (_, closed) = torn(WallMode::Closed, from_above());
+    compare("closed-wound", SIZE, &closed.pictures[0]);
+    assert!(difference(&open.pictures[0], &load("closed-wound")) > 0.3, "the walls must show");
+}
+
+#[test]
+fn a_cut_in_two_with_instruments() {
+    let mut target = Target::new(from_above());
+    let mut app = App::new(scene("beam", 2400).0, 1.0, || 0);
+    let plane = Plane::Equation { normal: DVec3::new(1.0, 0.2, 0.1), offset: 0.05 };
+    frame(&mut app, &mut target, 0, vec![EditCommand::Cut(plane)], &[]);
+    let without = target.pictures[0].clone();
+    let mut forceps = Instrument::scalpel(DVec3::new(-0.1, 0.07, 0.03), DVec3::new(-0.15, 0.2, 0.1), DVec3::X, 1.0);
+    forceps.tool = Tool::Forceps { opening: 0.01 };
+    let sheet = glam::DAffine3::from_scale_rotation_translation(
+        DVec3::splat(0.12),
+        DQuat::from_rotation_arc(DVec3::Z, DVec3::X),
+        DVec3::new(0.05, 0.0, 0.0),
+    );
+    target.instruments = vec![
+        Instrument { tool: Tool::Plane, world_from_tool: sheet, colour: [0.2, 0.7, 1.0, 0.3] },
+        forceps,
+        Instrument::scalpel(DVec3::new(0.05, 0.065, 0.03), DVec3::new(0.15, 0.2, 0.12), DVec3::Z, 1.0),
+        Instrument { tool: Tool::Plane, world_from_tool: glam::DAffine3::from_translation(DVec3::NAN), colour: [1.0; 4] },
+    ];
+    let draws = target.draws;
+    frame(&mut app, &mut target, 1, Vec::new(), &[]);
+    compare("cut", SIZE, &target.pictures[0]);
+    assert!(difference(&without, &load("cut")) > TOLERANCE, "instruments must show");
+    assert!(target.draws <= draws + 2, "two draws, solid and clear");
+}
+
+#[test]
+fn a_stereo_pair() {
+    let view = |side: f64| ViewPose {
+        position: DVec3::new(0.22 + 0.032 * side, 0.36, 0.42),
+        fov: Fov { left: -0.45 - 0.04 * side, right: 0.45 - 0.04 * side, down: -0.36, up: 0.34 },
+        ..from_above()[0]
+    };
+    let (_, target) = torn(WallMode::Open, vec![view(-1.0), view(1.0)]);
+    compare("stereo-left", SIZE, &target.pictures[0]);
+    compare("stereo-right", SIZE, &target.pictures[1]);
+    assert!(difference(&target.pictures[1], &load("stereo-left")) > 2.0 * TOLERANCE, "the eyes differ");
+}
+
+#[test]
+fn every_inspection_layer_shows_and_costs_nothing_when_off() {
+    let (mut app, mut target) = torn(WallMode::Open, from_above());
+    let plain = target.pictures[0].clone();
+    let (draws, mut number) = (target.draws, 24);
+    let layers = [
+        ("particles", Layer::Particles),
+        ("wireframe", Layer::Wireframe),
+        ("sections", Layer::Sections),
+        ("boxes", Layer::Boxes),
+        ("influences", Layer::Influences),
+        ("strips", Layer::Strips),
+        ("edges", Layer::Edges),
+        ("errors", Layer::Errors),
+    ];
+    for (name, layer) in layers {
+        frame(&mut app, &mut target, number, Vec::new(), &[(layer, true)]);
+        assert!(target.lines > 0 && target.draws <= draws + 1, "{name}: {} lines, {} draws", target.lines, target.draws);
+        if name == "errors" {
+            // Rounding differs between drivers, so the colours do: only that they show.
+            assert!(difference(&plain, &target.pictures[0]) > TOLERANCE);
+        } else {
+            compare(&format!("layer-{name}"), SIZE, &target.pictures[0]);
+            assert!(difference(&plain, &load(&format!("layer-{name}"))) > 0.15, "{name} must show");
+        }
+        frame(&mut app, &mut target, number + 1, Vec::new(), &[(layer, false)]);
+        assert!(target.lines == 0 && target.draws <= draws, "{name} is off");
+        number += 2;
+    }
+}

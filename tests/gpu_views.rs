@@ -1,0 +1,353 @@
+//! Any number of views: stereo in one pass against two, masks, viewports, late poses, culling, targets of others.
+#![cfg(feature = "gpu")]
+
+mod gpu_support;
+
+use glam::{DQuat, DVec3};
+use gpu_support::{Model, bar, bend, context, plain_context, sphere, write_png};
+use incise::gpu::readback::read_texture;
+use incise::gpu::{
+    Bounds, Camera, ColourTarget, Context, DrawOptions, Fov, GpuError, LineSegment, MOST_VIEWS, Passes, RenderTarget, Renderer,
+    Scenery, TissueDirty, ViewPose, ViewSet, VisibilityMask,
+};
+use std::sync::Arc;
+
+const SIZE: (u32, u32) = (96, 80);
+
+/// Two eyes 64 mm apart in front of a bar of 1 m, with the asymmetric angles of a headset.
+fn eyes() -> [ViewPose; 2] {
+    let eye = |side: f64| ViewPose {
+        position: DVec3::new(0.032 * side, 0.25, 1.1),
+        rotation: DQuat::from_rotation_x(-0.2),
+        fov: Fov { left: -0.6 - 0.05 * side, right: 0.6 - 0.05 * side, down: -0.5, up: 0.45 },
+        near: 0.02,
+    };
+    [eye(-1.0), eye(1.0)]
+}
+
+fn model() -> Model {
+    let mut model = bar(8);
+    model.pose = bend(0.6);
+    model
+}
+
+fn renderer(context: Arc<Context>) -> Renderer {
+    let mut renderer = Renderer::new(context);
+    renderer.sync(1, &model().view(), &TissueDirty::Full).expect("sync");
+    renderer
+}
+
+fn lines() -> Vec<LineSegment> {
+    let a = DVec3::new(-0.3, 0.2, 0.1);
+    vec![LineSegment::new(a, -a, [1.0, 0.2, 0.1, 1.0]), LineSegment::point(a, [0.1, 1.0, 0.2, 1.0], 6.0)]
+}
+
+fn pictures(renderer: &mut Renderer, views: &[ViewPose], options: &DrawOptions<'_>) -> Vec<Vec<u8>> {
+    renderer.draw_views(views, SIZE, options).expect("drawn");
+    (0..views.len() as u32).map(|view| renderer.read_picture(view).expect("read")).collect()
+}
+
+fn difference(a: &[u8], b: &[u8]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
+}
+
+/// Both layers of a stereo picture, and draws. With a depth target there is no antialiasing, which a driver may resolve
+/// otherwise in one pass than in two.
+fn stereo(passes: Passes, smooth: bool, lines: &[LineSegment]) -> (Vec<Vec<u8>>, u64) {
+    let context = context();
+    let mut renderer = renderer(context.clone());
+    // No tray: it reaches behind the eyes, and what is clipped goes astray in the software driver of Mesa 22 (see
+    // `Context::prefers_views_at_once`).
+    let scenery = Scenery { tray: false, ..Default::default() };
+    let options = DrawOptions { passes, scenery, lines, ..Default::default() };
+    let pictures = if smooth {
+        pictures(&mut renderer, &eyes(), &options)
+    } else {
+        let colour = swapchain(&context, 2, wgpu::TextureFormat::Rgba8UnormSrgb);
+        let depth = swapchain(&context, 2, wgpu::TextureFormat::Depth32Float);
+        let colour_target = ColourTarget::of_texture(&colour, colour.format());
+        let depth_target = ColourTarget::of_texture(&depth, depth.format());
+        let target = RenderTarget { depth: Some(&depth_target), ..RenderTarget::new(&colour_target) };
+        encode(&mut renderer, &target, &ViewSet::new(&eyes()), &options, None);
+        (0..2).map(|l| read_texture(&context, &colour, l).expect("read")).collect()
+    };
+    (pictures, renderer.take_counters().draws)
+}
+
+#[test]
+fn stereo_in_one_pass_equals_a_pass_each() {
+    let context = context();
+    if !context.draws_views_at_once(2, context.samples()) {
+        println!("{} has no multiview; nothing to compare", context.adapter_name());
+        return;
+    }
+    let lines = lines();
+    for smooth in [false, true] {
+        let (at_once, one_pass) = stereo(Passes::AtOnce, smooth, &lines);
+        let (in_turn, two_passes) = stereo(Passes::Each, smooth, &lines);
+        // The shadow is drawn once either way; the tissue, backdrop and lines once or twice.
+        assert_eq!((one_pass, two_passes), (1 + 3, 1 + 2 * 3));
+        // A pass each may have no antialiasing (see `Context::resolves_into_layers`): edges differ then, the picture does not.
+        let most = if smooth { 1.5 } else { 0.02 };
+        for view in 0..2 {
+            let found = difference(&at_once[view], &in_turn[view]);
+            println!("view {view}: {found:.4} steps a channel");
+            if found > most {
+                write_png(&format!("failed-at-once-{view}"), SIZE, &at_once[view]);
+                write_png(&format!("failed-in-turn-{view}"), SIZE, &in_turn[view]);
+                panic!("view {view}: {found} steps a channel");
+            }
+        }
+        // The control: the eyes see different pictures, and swapping them is noticed.
+        let swapped = difference(&at_once[0], &in_turn[1]);
+        assert!(swapped > 2.0 * most, "{swapped}");
+    }
+}
+
+#[test]
+fn an_adapter_without_multiview_draws_stereo_all_the_same() {
+    assert!(!plain_context().draws_views_at_once(2, 1));
+    let plain = pictures(&mut renderer(plain_context()), &eyes(), &DrawOptions::default());
+    let usual = pictures(&mut renderer(context()), &eyes(), &DrawOptions { passes: Passes::Each, ..Default::default() });
+    assert!(plain == usual && difference(&plain[0], &plain[1]) > 2.0);
+}
+
+#[test]
+fn a_view_equals_its_camera() {
+    let camera = Camera { eye: DVec3::new(0.3, 0.4, 1.5), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.7 };
+    let mut renderer = renderer(context());
+    let by_camera = renderer.render_to_image(&camera, SIZE, &DrawOptions::default()).expect("drawn");
+    let view = ViewPose::from_camera(&camera, f64::from(SIZE.0) / f64::from(SIZE.1)).expect("a view");
+    assert!(pictures(&mut renderer, &[view], &DrawOptions::default())[0] == by_camera);
+}
+
+#[test]
+fn many_views_are_drawn_and_more_are_refused() {
+    let mut renderer = renderer(context());
+    let turned = |k: usize| {
+        let turn = DQuat::from_rotation_y(0.8 * k as f64);
+        ViewPose { position: turn * eyes()[0].position, rotation: turn * eyes()[0].rotation, ..eyes()[0] }
+    };
+    let views: Vec<ViewPose> = (0..MOST_VIEWS).map(turned).collect();
+    let all = pictures(&mut renderer, &views, &DrawOptions::default());
+    let steps: Vec<f64> = (1..all.len()).map(|k| difference(&all[k], &all[k - 1])).collect();
+    assert!(steps.iter().all(|s| *s > 0.5), "{steps:?}");
+    for bad in [0, MOST_VIEWS + 1] {
+        let views = vec![eyes()[0]; bad];
+        let refused = renderer.draw_views(&views, SIZE, &DrawOptions::default());
+        assert!(matches!(refused, Err(GpuError::BadViews { .. })), "{bad}");
+    }
+}
+
+/// A texture as a window's or a headset's swapchain would hand it over.
+fn swapchain(context: &Context, layers: u32, format: wgpu::TextureFormat) -> wgpu::Texture {
+    context.device().create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: wgpu::Extent3d { width: SIZE.0, height: SIZE.1, depth_or_array_layers: layers },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    })
+}
+
+/// Encodes into a target, lets `late` have its say, and submits.
+fn encode(
+    renderer: &mut Renderer,
+    target: &RenderTarget<'_>,
+    views: &ViewSet<'_>,
+    options: &DrawOptions<'_>,
+    late: Option<&[ViewPose]>,
+) {
+    let context = renderer.context().clone();
+    let mut encoder = context.device().create_command_encoder(&Default::default());
+    renderer.encode(&mut encoder, views, target, options).expect("encoded");
+    if let Some(late) = late {
+        renderer.set_late_views(late).expect("late views");
+    }
+    context.queue().submit([encoder.finish()]);
+    context.check().expect("no error");
+}
+
+/// [`encode`] with all that a picture has, and what came out in the first layer.
+fn into_target(
+    renderer: &mut Renderer,
+    texture: &wgpu::Texture,
+    target: &RenderTarget<'_>,
+    views: &ViewSet<'_>,
+    late: Option<&[ViewPose]>,
+) -> Vec<u8> {
+    encode(renderer, target, views, &DrawOptions::default(), late);
+    read_texture(renderer.context(), texture, 0).expect("read")
+}
+
+#[test]
+fn targets_of_others_take_the_same_picture_in_any_format() {
+    let mut renderer = renderer(context());
+    let context = renderer.context().clone();
+    let ours = pictures(&mut renderer, &eyes()[..1], &DrawOptions::default()).remove(0);
+    for format in [
+        wgpu::TextureFormat::Rgba8UnormSrgb,
+        wgpu::TextureFormat::Rgba8Unorm,
+        wgpu::TextureFormat::Bgra8UnormSrgb,
+        wgpu::TextureFormat::Bgra8Unorm,
+    ] {
+        let texture = swapchain(&context, 1, format);
+        let target = ColourTarget::of_texture(&texture, format);
+        let views = eyes();
+        let mut theirs = into_target(&mut renderer, &texture, &RenderTarget::new(&target), &ViewSet::new(&views[..1]), None);
+        if matches!(format, wgpu::TextureFormat::Bgra8Unorm | wgpu::TextureFormat::Bgra8UnormSrgb) {
+            theirs.chunks_exact_mut(4).for_each(|p| p.swap(0, 2));
+        }
+        // Without an sRGB format edges are blended after the curve, not before it.
+        let most = if format.is_srgb() { 0.0 } else { 1.0 };
+        assert!(difference(&ours, &theirs) <= most, "{format:?}: {}", difference(&ours, &theirs));
+    }
+}
+
+#[test]
+fn a_depth_target_is_filled_and_a_wrong_one_refused() {
+    let mut renderer = renderer(context());
+    let context = renderer.context().clone();
+    let colour = swapchain(&context, 1, wgpu::TextureFormat::Rgba8UnormSrgb);
+    let depth = swapchain(&context, 1, wgpu::TextureFormat::Depth32Float);
+    let colour_target = ColourTarget::of_texture(&colour, colour.format());
+    let depth_target = ColourTarget::of_texture(&depth, depth.format());
+    let views = eyes();
+    let target = RenderTarget { depth: Some(&depth_target), ..RenderTarget::new(&colour_target) };
+    into_target(&mut renderer, &colour, &target, &ViewSet::new(&views[..1]), None);
+    let depths = read_texture(&context, &depth, 0).expect("depth");
+    let depth_at = |x: u32, y: u32| {
+        let at = ((y * SIZE.0 + x) * 4) as usize;
+        f32::from_le_bytes(depths[at..at + 4].try_into().expect("4 bytes"))
+    };
+    // The bar is about 1.1 m away; the corner above is the backdrop, infinitely far.
+    let middle = depth_at(SIZE.0 / 2, SIZE.1 / 2);
+    assert!((0.02 / 1.4..0.02 / 0.9).contains(&f64::from(middle)), "{middle}");
+    assert_eq!(depth_at(1, 1), 0.0);
+    let wrong = RenderTarget { depth: Some(&colour_target), ..RenderTarget::new(&colour_target) };
+    assert!(matches!(wrong.check(1), Err(GpuError::BadTarget(_))) && matches!(target.check(2), Err(GpuError::BadTarget(_))));
+}
+
+#[test]
+fn a_viewport_is_the_same_picture_in_a_corner() {
+    let mut renderer = renderer(context());
+    let context = renderer.context().clone();
+    let texture = swapchain(&context, 1, wgpu::TextureFormat::Rgba8UnormSrgb);
+    let target = ColourTarget::of_texture(&texture, texture.format());
+    let small = (48, 40);
+    let views = eyes();
+    let part = RenderTarget { viewport: Some(small), ..RenderTarget::new(&target) };
+    let picture = into_target(&mut renderer, &texture, &part, &ViewSet::new(&views[..1]), None);
+    let rows = |from: &[u8], width: u32| -> Vec<u8> {
+        (0..small.1).flat_map(|y| from[(y * width * 4) as usize..][..(small.0 * 4) as usize].to_vec()).collect()
+    };
+    let mut alone = Renderer::new(context.clone());
+    alone.sync(1, &model().view(), &TissueDirty::Full).expect("sync");
+    alone.draw_views(&views[..1], small, &DrawOptions::default()).expect("drawn");
+    assert!(difference(&rows(&picture, SIZE.0), &alone.read_picture(0).expect("read")) < 0.02);
+    // Outside the viewport there is nothing.
+    assert_eq!(&picture[((SIZE.0 - 1) * 4) as usize..][..3], &[0, 0, 0]);
+}
+
+#[test]
+fn late_poses_take_effect_without_encoding_again() {
+    let mut renderer = renderer(context());
+    let context = renderer.context().clone();
+    let texture = swapchain(&context, 1, wgpu::TextureFormat::Rgba8UnormSrgb);
+    let target = ColourTarget::of_texture(&texture, texture.format());
+    let early = eyes();
+    // A movement along the line of sight leaves the headlamp where it is.
+    let late = early.map(|e| ViewPose { position: e.position + e.forward() * 0.1, ..e });
+    let mut draw = |first: &[ViewPose], later: Option<&[ViewPose]>| {
+        into_target(&mut renderer, &texture, &RenderTarget::new(&target), &ViewSet::new(first), later)
+    };
+    let (wanted, old) = (draw(&late[..1], None), draw(&early[..1], None));
+    let corrected = draw(&early[..1], Some(&late[..1]));
+    assert!(difference(&wanted, &corrected) < 0.02, "{}", difference(&wanted, &corrected));
+    assert!(difference(&wanted, &old) > 1.0, "the poses must differ visibly");
+    assert!(draw(&early[..1], None) == old, "a late pose lasts one submission");
+}
+
+#[test]
+fn masked_pixels_are_black_and_the_others_as_without() {
+    let square = |view: usize| {
+        // The lower left quarter of the left view, the lower right one of the right.
+        let (x0, x1) = if view == 0 { (-2.0, 0.0) } else { (0.0, 2.0) };
+        VisibilityMask {
+            corners: vec![[x0, -2.0], [x1, -2.0], [x1, 0.0], [x0, 0.0], [f32::NAN, 0.0]],
+            indices: vec![0, 1, 2, 0, 2, 3, 0, 1, 4, 0, 1, 99, 7],
+        }
+    };
+    for context in [context(), plain_context()] {
+        let mut renderer = renderer(context);
+        let free = pictures(&mut renderer, &eyes(), &DrawOptions::default());
+        renderer.set_visibility_masks(&[square(0), square(1)]);
+        let unused = pictures(&mut renderer, &eyes(), &DrawOptions::default());
+        assert!(free == unused, "masks are used where they are asked for");
+        let masked = pictures(&mut renderer, &eyes(), &DrawOptions { masked: true, ..Default::default() });
+        for (view, x) in [(0, 4), (1, SIZE.0 - 4)] {
+            let pixel = |p: &[u8], x: u32, y: u32| p[((y * SIZE.0 + x) * 4) as usize..][..3].to_vec();
+            assert_eq!(pixel(&masked[view], x, SIZE.1 - 4), [0, 0, 0], "view {view}");
+            assert_ne!(pixel(&free[view], x, SIZE.1 - 4), [0, 0, 0]);
+            let other = SIZE.0 - x;
+            assert_eq!(pixel(&masked[view], other, SIZE.1 - 4), pixel(&free[view], other, SIZE.1 - 4));
+            assert_eq!(pixel(&masked[view], x, 4), pixel(&free[view], x, 4));
+        }
+        renderer.set_visibility_masks(&[]);
+        assert!(pictures(&mut renderer, &eyes(), &DrawOptions { masked: true, ..Default::default() }) == free);
+    }
+}
+
+#[test]
+fn tissues_out_of_sight_are_not_drawn() {
+    let mut renderer = renderer(context());
+    // Another tissue far away in the arena (past the gap that one draw spans), behind the eyes.
+    let mut filler = sphere(24, 0.1);
+    filler.world_from_tissue = glam::DAffine3::from_translation(DVec3::new(0.0, 0.0, 9.0));
+    renderer.sync(2, &filler.view(), &TissueDirty::Full).expect("sync");
+    let mut behind = sphere(6, 0.1);
+    behind.world_from_tissue = glam::DAffine3::from_translation(DVec3::new(0.0, 0.0, 9.5));
+    renderer.sync(3, &behind.view(), &TissueDirty::Full).expect("sync");
+    renderer.take_counters();
+    let seen = pictures(&mut renderer, &eyes()[..1], &DrawOptions::default());
+    assert_eq!(renderer.take_counters().culled, 2);
+    // Turned round, the bar is the one out of sight.
+    let back = ViewPose { rotation: DQuat::from_rotation_y(std::f64::consts::PI), ..eyes()[0] };
+    let turned = pictures(&mut renderer, &[back], &DrawOptions::default());
+    assert_eq!(renderer.take_counters().culled, 1);
+    assert!(difference(&seen[0], &turned[0]) > 1.0);
+    // With a view each way, none is.
+    pictures(&mut renderer, &[eyes()[0], back], &DrawOptions::default());
+    assert_eq!(renderer.take_counters().culled, 0);
+    assert!(!renderer.bounds().is_empty() && eyes()[0].may_see(&Bounds { min: DVec3::splat(-0.1), max: DVec3::splat(0.1) }));
+}
+
+#[test]
+fn passes_are_timed_where_the_adapter_can_and_only_when_asked() {
+    let mut renderer = renderer(context());
+    pictures(&mut renderer, &eyes(), &DrawOptions::default());
+    renderer.context().wait().expect("done");
+    assert!(renderer.gpu_times().is_none());
+    let can = renderer.context().device().features().contains(wgpu::Features::TIMESTAMP_QUERY);
+    assert_eq!(renderer.set_timing(true), can);
+    if !can {
+        return;
+    }
+    for frame in 0..12 {
+        let mut model = model();
+        model.pose = bend(0.1 * f64::from(frame));
+        model.versions.pose = frame as u64 + 1;
+        renderer.sync(1, &model.view(), &TissueDirty::clean()).expect("sync");
+        pictures(&mut renderer, &eyes(), &DrawOptions { passes: Passes::Each, ..Default::default() });
+    }
+    renderer.context().wait().expect("done");
+    let times = renderer.gpu_times().expect("times have come back");
+    let names: Vec<&str> = times.passes().iter().map(|p| p.0).collect();
+    assert_eq!(names, ["deform", "shadow", "views", "views"]);
+    assert!(times.passes().iter().all(|p| p.1 >= 0.0) && times.total_ms() > 0.0, "{times:?}");
+    renderer.set_timing(false);
+}

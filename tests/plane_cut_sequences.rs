@@ -1,0 +1,199 @@
+//! Capped cuts of whole tissues: many in a row, in mid-animation, taken back and done again (MATHS 1.4, 2.2, 6, 7).
+
+mod common;
+
+use common::models::{model, scene, settings};
+use glam::DVec3;
+use incise::diagnostics::Stages;
+use incise::geometry::{FaceId, Plane, VertexId};
+use incise::scene::{EditCommand, Outcome, TissueId};
+use incise::tissue::Tissue;
+use incise::tissue::edit::CutScratch;
+
+/// Low-discrepancy numbers in 0..1: the same everywhere.
+fn spread(i: usize, k: usize) -> f64 {
+    let roots = [0.754_877_666_246_693, 0.569_840_290_998_053, 0.430_159_709_001_947, 0.876_715_609_4];
+    (0.5 + (i + 1) as f64 * roots[k]).fract()
+}
+
+fn direction(i: usize) -> DVec3 {
+    let (z, a) = (2.0 * spread(i, 0) - 1.0, std::f64::consts::TAU * spread(i, 1));
+    let r = (1.0 - z * z).sqrt();
+    DVec3::new(r * a.cos(), r * a.sin(), z)
+}
+
+/// Cuts a tissue into closed pieces; the first stays where it is.
+fn cut(tissue: &mut Tissue, plane: &Plane, scratch: &mut CutScratch) -> Vec<Tissue> {
+    let (outcome, caps) = tissue.cut_closed(plane, scratch, &mut Stages::default());
+    if outcome.missed() {
+        return Vec::new();
+    }
+    assert_eq!((caps.unclosed_edges, caps.triangulation.repeated_edges), (0, 0));
+    let parts = tissue.component_faces();
+    let gone: Vec<VertexId> = parts[1..].iter().flatten().flat_map(|&f| tissue.mesh().face(f)).collect();
+    let pieces: Vec<Tissue> = parts[1..].iter().map(|faces| tissue.extract_piece(faces)).collect();
+    let mut gone = gone;
+    gone.sort_unstable();
+    gone.dedup();
+    if !gone.is_empty() {
+        tissue.forget_vertices(&gone);
+    }
+    pieces
+}
+
+fn volume(tissue: &Tissue) -> f64 {
+    tissue.measure_all().volume
+}
+
+#[test]
+fn two_hundred_cuts_in_a_row_keep_every_law() {
+    let loaded = model("beam", 500);
+    let mut first = Tissue::new(loaded.clone(), &settings(&loaded)).unwrap();
+    first.set_pose(0.0, Some(0), 0.4);
+    let whole = volume(&first);
+    let diagonal = first.diagonal();
+    let mut pieces = vec![first];
+    let mut scratch = CutScratch::default();
+    let mut hits = 0;
+    for step in 0..200 {
+        // the largest piece of some that are picked by chance: pieces of pieces, many times over
+        let picked = (0..3).map(|k| (spread(step, k) * pieces.len() as f64) as usize);
+        let Some(at) = picked.max_by(|&a, &b| volume(&pieces[a]).total_cmp(&volume(&pieces[b]))) else { continue };
+        let (low, high) = pieces[at].bounds();
+        let normal = direction(step);
+        let through = (low + high) / 2.0 + (high - low) * 0.3 * (DVec3::new(spread(step, 2), spread(step, 3), 0.5) - 0.5);
+        let plane = Plane::Equation { normal, offset: normal.dot(through) };
+        let before = volume(&pieces[at]);
+        let new = cut(&mut pieces[at], &plane, &mut scratch);
+        hits += usize::from(!new.is_empty());
+        let after = volume(&pieces[at]) + new.iter().map(volume).sum::<f64>();
+        assert!((after - before).abs() <= 1e-6 * whole, "step {step}: {before} became {after} of {whole}");
+        for piece in std::iter::once(&pieces[at]).chain(&new) {
+            piece.validate().unwrap_or_else(|why| panic!("step {step}: {why}"));
+            let m = piece.measure_all();
+            assert!(m.closed(), "step {step}: {m:?}");
+            assert!(piece.longest_row() <= 12, "step {step}: a row of {}", piece.longest_row());
+            let sides = piece.mesh().live_vertices().map(|v| plane.distance(piece.position(v)));
+            let (low, high) = sides.fold((0f64, 0f64), |(l, h), d| (l.min(d), h.max(d)));
+            assert!(low > -1e-6 * diagonal || high < 1e-6 * diagonal, "step {step}: both sides, {low} {high}");
+        }
+        pieces.extend(new);
+    }
+    let sum: f64 = pieces.iter().map(volume).sum();
+    assert!((sum - whole).abs() <= 1e-5 * whole, "{sum} of {whole}");
+    assert!(hits > 180 && pieces.len() > 180, "{hits} cuts, {} pieces", pieces.len());
+}
+
+/// Largest distance of a corner of `f` from the plane and the outside of the triangle that it is a part of.
+fn off_face(tissue: &Tissue, f: FaceId, [a, b, c]: [DVec3; 3]) -> f64 {
+    let normal = (b - a).cross(c - a).normalize();
+    let off = |p: DVec3| {
+        let outside = [(a, b), (b, c), (c, a)].map(|(u, v)| -normal.cross((v - u).normalize()).dot(p - u));
+        outside.into_iter().fold(normal.dot(p - a).abs(), f64::max)
+    };
+    tissue.mesh().face(f).into_iter().map(|v| off(tissue.position(v))).fold(0.0, f64::max)
+}
+
+#[test]
+fn pieces_cut_in_mid_animation_animate_on_closed() {
+    let loaded = model("beam", 600);
+    let mut uncut = Tissue::new(loaded.clone(), &settings(&loaded)).unwrap();
+    let (mut scene, _) = scene("beam", 600);
+    scene.set_animation(Some(0));
+    let mut rows = Vec::new();
+    for (i, time) in [0.3, 0.7, 1.1].into_iter().enumerate() {
+        scene.pose(time, time);
+        let normal = direction(3 * i + 1);
+        let (low, high) = scene.tissue(TissueId(0)).unwrap().bounds();
+        let offset = scene.tissue(TissueId(0)).unwrap().offset();
+        let plane = Plane::Equation { normal, offset: normal.dot((low + high) / 2.0 + offset) };
+        let report = scene.edit(EditCommand::CutClosed(plane)).pop().unwrap();
+        assert_eq!(report.outcome, Outcome::Cut);
+        assert!(report.pieces.iter().all(|p| p.closed) && report.pieces.len() >= 2);
+        let sum: f64 = report.pieces.iter().map(|p| p.volume).sum();
+        assert!((sum - report.volume_before).abs() <= 1e-6 * report.volume_before, "{sum} of {}", report.volume_before);
+        assert!(report.caps.loops >= 2 && report.caps.unclosed_edges == 0);
+        rows.push(report.max_row_entries);
+    }
+    assert!(rows.iter().all(|&r| r <= 12), "{rows:?}");
+    let promoted: usize = scene.tissues().map(|(_, t)| t.promoted_vertices()).sum();
+    for time in [0.0, 0.2, 0.5, 0.9, 1.4, 1.9] {
+        // long after every fade has ended
+        scene.pose(100.0 + time, time);
+        uncut.set_pose(100.0 + time, Some(0), time);
+        let mut area_of = std::collections::BTreeMap::new();
+        for (_, tissue) in scene.tissues() {
+            tissue.validate().unwrap();
+            assert!(tissue.measure_all().closed(), "closed in every pose");
+            for f in tissue.mesh().live_faces() {
+                let origin = tissue.mesh().face_info(f).origin;
+                if origin == u32::MAX {
+                    continue;
+                }
+                let face = uncut.mesh().face(FaceId(origin)).map(|v| uncut.position(v));
+                let off = off_face(tissue, f, face);
+                assert!(off <= 1e-6 * uncut.diagonal(), "face {f:?} is {off} off its original at {time}, {promoted} promoted");
+                *area_of.entry(origin).or_insert(0.0) += tissue.measure(std::iter::once(f)).area;
+            }
+        }
+        let whole = uncut.measure_all().area;
+        assert_eq!(area_of.len(), uncut.mesh().face_count(), "no face is lost");
+        assert!((area_of.values().sum::<f64>() - whole).abs() <= 1e-6 * whole);
+    }
+    // the twin: the surface of another moment is not this one
+    uncut.set_pose(200.0, Some(0), 0.1);
+    let far = scene.tissues().flat_map(|(_, t)| t.mesh().live_faces().map(move |f| (t, f))).any(|(t, f)| {
+        let origin = t.mesh().face_info(f).origin;
+        origin != u32::MAX
+            && off_face(t, f, uncut.mesh().face(FaceId(origin)).map(|v| uncut.position(v))) > 1e-4 * uncut.diagonal()
+    });
+    assert!(far);
+}
+
+#[test]
+fn capped_cuts_of_displaced_tissue_are_taken_back_and_done_again() {
+    let (mut scene, _) = scene("heart", 900);
+    let (low, high) = scene.tissue(TissueId(0)).unwrap().bounds();
+    let (centre, half) = ((low + high) / 2.0, (high - low) / 2.0);
+    let at = scene.tissue(TissueId(0)).unwrap().offset();
+    scene.edit(EditCommand::GrabBegin { id: 1, center: at + centre + half * DVec3::X, radius: half.length() * 0.5 });
+    scene.edit(EditCommand::GrabMove { id: 1, by: half * 0.2 });
+    for _ in 0..3 {
+        scene.step(1.0 / 90.0);
+    }
+    let mut hashes = vec![scene.edit_hash()];
+    for i in 0..4 {
+        let normal = direction(i + 20);
+        let plane = Plane::Equation { normal, offset: normal.dot(at + centre + half * 0.1 * i as f64) };
+        let report = scene.edit(EditCommand::CutClosed(plane)).pop().unwrap();
+        let sum: f64 = report.pieces.iter().map(|p| p.volume).sum();
+        assert!(report.pieces.iter().all(|p| p.closed), "cut {i}");
+        assert!((sum - report.volume_before).abs() <= 1e-6 * report.volume_before, "cut {i}: {sum} of {}", report.volume_before);
+        assert!(report.max_plane_distance.unwrap() <= 1e-6 * 2.0 * half.length(), "cut {i}");
+        scene.validate().unwrap();
+        scene.step(1.0 / 90.0);
+        hashes.push(scene.edit_hash());
+    }
+    for i in (0..4).rev() {
+        scene.edit(EditCommand::Undo);
+        assert_eq!(scene.edit_hash(), hashes[i]);
+        scene.validate().unwrap();
+    }
+    for hash in &hashes[1..] {
+        scene.edit(EditCommand::Redo);
+        assert_eq!(scene.edit_hash(), *hash);
+        scene.validate().unwrap();
+    }
+}
+
+#[test]
+fn a_cavity_that_the_plane_misses_stays_with_the_piece_around_it() {
+    let (mut scene, _) = scene("heart", 900);
+    let tissue = scene.tissue(TissueId(0)).unwrap();
+    let shells: Vec<f64> = tissue.component_faces().into_iter().map(|f| tissue.measure(f.into_iter()).volume).collect();
+    assert!(shells.len() == 2 && shells.iter().any(|&v| v < 0.0), "{shells:?}");
+    let offset = tissue.bounds().0.y + tissue.offset().y + 0.02 * tissue.diagonal();
+    let report = scene.edit(EditCommand::CutClosed(Plane::Equation { normal: DVec3::Y, offset })).pop().unwrap();
+    assert_eq!((report.outcome, report.pieces.len(), report.caps.loops), (Outcome::Cut, 2, 2));
+    assert!(report.pieces.iter().all(|p| p.closed && p.volume > 0.0));
+}

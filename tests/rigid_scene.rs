@@ -1,0 +1,230 @@
+//! Rigid bodies in a scene: instruments that poke and squeeze, pieces that fall, come back with undo and can be cut again
+//! (MATHS 4.4, 6, 7).
+
+mod common;
+
+use common::models::scene;
+use glam::{DQuat, DVec3};
+use incise::geometry::Plane;
+use incise::physics::{RigidPose, RigidShape};
+use incise::scene::{EditCommand, Fixed, PieceSettings, Scene, TissueId};
+
+const STEP: f64 = 1.0 / 90.0;
+
+fn frames(scene: &mut Scene, count: usize) {
+    (0..count).for_each(|_| scene.step(STEP));
+}
+
+fn place(scene: &mut Scene, id: u32, at: DVec3) {
+    scene.edit(EditCommand::PlaceCollider { id, shape: RigidShape::Sphere { radius: 0.03 }, pose: RigidPose::at(at) });
+}
+
+/// Bounds of a tissue in model space.
+fn bounds(scene: &Scene, id: TissueId) -> (DVec3, DVec3) {
+    let tissue = scene.tissue(id).unwrap();
+    let points = tissue.mesh().live_vertices().map(|v| tissue.to_model(tissue.position(v)));
+    points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
+}
+
+fn cut(normal: DVec3, offset: f64) -> EditCommand {
+    EditCommand::Cut(Plane::Equation { normal, offset })
+}
+
+fn loose_ids(scene: &Scene) -> Vec<TissueId> {
+    scene.tissues().map(|(id, _)| id).filter(|id| scene.is_loose(*id)).collect()
+}
+
+#[test]
+fn an_instrument_dents_the_tissue_rests_in_it_and_leaves_no_trace() {
+    let (mut scene, _) = scene("sphere", 768);
+    scene.pose(0.0, 0.0);
+    let still = scene.state_hash();
+    place(&mut scene, 7, DVec3::new(0.0, 0.0, 2.0));
+    frames(&mut scene, 5);
+    assert!(scene.is_asleep() && scene.state_hash() == still, "it is nowhere near");
+    assert_eq!(scene.tissue(TissueId(0)).unwrap().contact_tests(), 0);
+    for k in 1..=60 {
+        place(&mut scene, 7, DVec3::new(0.0, 0.0, 0.8 - 0.006 * f64::from(k)));
+        scene.step(STEP);
+    }
+    let tissue = scene.tissue(TissueId(0)).unwrap();
+    let deepest = tissue.layer().unwrap().displacements().iter().map(|u| u.length()).fold(0.0, f64::max);
+    assert!(deepest > 0.05 && tissue.contact_count() > 0, "{deepest}");
+    let reaction = scene.colliders().next().unwrap().reaction;
+    assert!(reaction.z > 0.0 && reaction.z > 3.0 * reaction.x.abs().max(reaction.y.abs()), "{reaction}");
+    frames(&mut scene, 1200);
+    assert!(scene.is_asleep(), "a resting instrument lets the tissue sleep");
+    scene.edit(EditCommand::RemoveCollider { id: 7 });
+    frames(&mut scene, 1200);
+    let left = scene.tissue(TissueId(0)).unwrap().layer().unwrap().displacements();
+    assert!(
+        scene.is_asleep() && left.iter().all(|u| u.length() < 1e-5),
+        "the dent has gone: {:?}",
+        left.iter().map(|u| u.length()).fold(0.0, f64::max)
+    );
+}
+
+#[test]
+fn steps_of_any_length_and_nonsense_are_survived() {
+    let (mut scene, _) = scene("sphere", 768);
+    scene.pose(0.0, 0.0);
+    for (k, h) in [1e-5, 1.0, 0.3, f64::NAN, -1.0, f64::INFINITY, 0.0, 1.0 / 90.0].into_iter().cycle().take(64).enumerate() {
+        let z = 0.8 - 0.01 * k as f64;
+        place(&mut scene, 1, DVec3::new(0.01, 0.0, z));
+        place(&mut scene, 2, DVec3::new(f64::NAN, 0.0, 0.0));
+        let shape = RigidShape::Capsule { half_length: 0.2, radius: 0.02 };
+        let rotation = DQuat::from_rotation_x(k as f64);
+        scene.edit(EditCommand::PlaceCollider {
+            id: 3,
+            shape,
+            pose: RigidPose { rotation, translation: DVec3::new(-0.5, 0.0, 0.0) },
+        });
+        scene.edit(EditCommand::PlaceCollider {
+            id: 4,
+            shape: RigidShape::Sphere { radius: f64::NAN },
+            pose: RigidPose::IDENTITY,
+        });
+        scene.edit(EditCommand::RemoveCollider { id: 9 });
+        scene.step(h);
+        let (low, high) = bounds(&scene, TissueId(0));
+        assert!(low.cmpgt(DVec3::splat(-3.0)).all() && high.cmplt(DVec3::splat(3.0)).all(), "{k}: {low} {high}");
+    }
+    assert_eq!(scene.colliders().count(), 2);
+}
+
+#[test]
+fn a_piece_falls_and_undo_brings_it_back_into_its_frame() {
+    let (mut scene, _) = scene("sphere", 768);
+    scene.pose(0.0, 0.0);
+    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    let whole = scene.edit_hash();
+    let report = scene.edit(cut(DVec3::X, 0.2));
+    let volume: f64 = report[0].pieces.iter().map(|p| p.area).sum();
+    assert!((volume - report[0].area_before).abs() < 1e-6 * volume);
+    let made = loose_ids(&scene);
+    assert_eq!(made.len(), 1, "the larger piece stays");
+    let start = bounds(&scene, made[0]);
+    frames(&mut scene, 60);
+    let fallen = bounds(&scene, made[0]);
+    assert!(fallen.0.y < start.0.y - 0.05, "{start:?} {fallen:?}");
+    let ground = scene.ground_bounds();
+    assert!(fallen.0.y > ground.0.y - 0.1, "and lies on the table");
+    assert!(!scene.tissue(made[0]).unwrap().frame().is_translation());
+    let kept = scene.tissues().find(|(id, _)| !scene.is_loose(*id)).unwrap().1;
+    assert_eq!(kept.frame(), kept.home());
+
+    scene.edit(EditCommand::Undo);
+    assert_eq!(scene.edit_hash(), whole);
+    assert!(loose_ids(&scene).is_empty() && scene.tissues().count() == 1);
+    assert_eq!(scene.tissue(TissueId(0)).unwrap().frame(), scene.tissue(TissueId(0)).unwrap().home());
+    scene.edit(EditCommand::Redo);
+    let again = bounds(&scene, made[0]);
+    assert!((again.0 - start.0).length() < 0.02 && (again.1 - start.1).length() < 0.02, "it falls from where it was cut");
+    frames(&mut scene, 30);
+    assert!(bounds(&scene, made[0]).0.y < start.0.y - 0.02);
+    scene.validate().unwrap();
+}
+
+#[test]
+fn a_fallen_piece_is_cut_where_it_lies() {
+    let (mut scene, _) = scene("sphere", 768);
+    scene.pose(0.0, 0.0);
+    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    scene.edit(cut(DVec3::X, 0.1));
+    let piece = loose_ids(&scene)[0];
+    frames(&mut scene, 90);
+    let (low, high) = bounds(&scene, piece);
+    let middle = 0.5 * (low + high);
+    let area = |scene: &Scene| scene.tissues().map(|(_, t)| t.measure_all().area).sum::<f64>();
+    let before = area(&scene);
+    // A plane of model space through the middle of the piece as it lies.
+    let normal = DVec3::new(0.3, 0.1, 1.0);
+    let report = &scene.edit(cut(normal, normal.dot(middle)))[0];
+    let vertices = |id: TissueId| {
+        let tissue = scene.tissue(id).unwrap();
+        tissue.mesh().live_vertices().map(|v| normal.dot(tissue.to_model(tissue.position(v)) - middle)).collect::<Vec<_>>()
+    };
+    let sides: Vec<_> = loose_ids(&scene).into_iter().map(vertices).collect();
+    assert!(scene.is_loose(piece) && sides.len() >= 2, "both halves of a loose piece are loose");
+    for side in &sides {
+        let off = side.iter().fold((0.0f64, 0.0f64), |(l, h), d| (l.min(*d), h.max(*d)));
+        assert!(off.0.abs().min(off.1) < 1e-6, "each lies on one side of the plane: {off:?}");
+    }
+    assert!((area(&scene) - before).abs() < 1e-6 * before);
+    assert!(report.max_plane_distance.unwrap() < 1e-6);
+    frames(&mut scene, 60);
+    scene.edit(EditCommand::Reset);
+    assert!(loose_ids(&scene).is_empty());
+    scene.validate().unwrap();
+}
+
+#[test]
+fn nothing_falls_unless_it_is_asked_to_and_the_root_can_be_what_stays() {
+    let (mut scene, _) = scene("beam", 800);
+    scene.set_animation(Some(0));
+    scene.pose(0.0, 0.0);
+    let (low, high) = scene.ground_bounds();
+    let axis = [DVec3::X, DVec3::Y, DVec3::Z][(high - low).max_position()];
+    let at = (0.5 * (low + high)).dot(axis) + 0.1 * (high - low).dot(axis);
+    scene.edit(cut(axis, at));
+    frames(&mut scene, 30);
+    assert!(loose_ids(&scene).is_empty());
+    scene.edit(EditCommand::Undo);
+    // The largest stays, or the one on the first joint, however small.
+    for (fixed, share) in [(Fixed::Largest, 0.1), (Fixed::Root, 0.1), (Fixed::Root, -0.1), (Fixed::Largest, -0.1)] {
+        scene.set_pieces(PieceSettings { fall: true, fixed, ..PieceSettings::default() });
+        let at = (0.5 * (low + high)).dot(axis) + share * (high - low).dot(axis);
+        scene.edit(cut(axis, at));
+        let loose = loose_ids(&scene);
+        assert_eq!(loose.len(), 1);
+        let stays = scene.tissues().find(|(id, _)| *id != loose[0]).unwrap();
+        let falls = scene.tissue(loose[0]).unwrap();
+        match fixed {
+            Fixed::Largest => assert!(stays.1.measure_all().area > falls.measure_all().area),
+            Fixed::Root => assert!(stays.1.root_weight() > falls.root_weight()),
+        }
+        frames(&mut scene, 20);
+        scene.edit(EditCommand::Undo);
+        let (_, tissue) = scene.tissues().next().unwrap();
+        assert_eq!(tissue.frame(), tissue.home());
+    }
+}
+
+#[test]
+fn a_hand_picks_a_loose_piece_up() {
+    let (mut scene, _) = scene("sphere", 768);
+    scene.pose(0.0, 0.0);
+    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    scene.edit(cut(DVec3::X, 0.3));
+    let piece = loose_ids(&scene)[0];
+    frames(&mut scene, 60);
+    let (low, high) = bounds(&scene, piece);
+    let centre = 0.5 * (low + high);
+    scene.edit(EditCommand::GrabBegin { id: 1, center: centre, radius: 0.6 });
+    for k in 1..=120 {
+        scene.edit(EditCommand::GrabMove { id: 1, by: DVec3::Y * 0.01 * f64::from(k.min(80)) });
+        scene.step(STEP);
+    }
+    frames(&mut scene, 60);
+    let lifted = bounds(&scene, piece);
+    assert!(lifted.0.y > low.y + 0.4, "{low} {:?}", lifted);
+    scene.edit(EditCommand::GrabEnd { id: 1 });
+    frames(&mut scene, 120);
+    assert!(bounds(&scene, piece).0.y < low.y + 0.2, "and drops it");
+}
+
+#[test]
+fn the_same_commands_give_the_same_bits() {
+    let run = || {
+        let (mut scene, _) = scene("sphere", 768);
+        scene.pose(0.0, 0.0);
+        scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+        scene.edit(cut(DVec3::new(1.0, 0.2, 0.0), 0.15));
+        for k in 0..80 {
+            place(&mut scene, 1, DVec3::new(0.7 - 0.008 * f64::from(k), -0.2, 0.0));
+            scene.step(STEP);
+        }
+        scene.state_hash()
+    };
+    assert_eq!(run(), run());
+}

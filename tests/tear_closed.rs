@@ -1,0 +1,309 @@
+//! Closed tears: walls and floors leave a closed manifold whose volume is that of the exact boolean difference (MATHS 5.7).
+
+mod common;
+
+use common::Solid;
+use common::bodies::{Hexahedron, any_box, tear};
+use common::models;
+use common::reference::{volume, volume_of_difference};
+use glam::{DMat3, DVec3};
+use incise::geometry::VertexId;
+use incise::scene::{EditCommand, EditReport, Outcome, Scene, SceneSettings};
+use incise::surgery::{BladePose, SamplingSettings, TearBox, WallMode};
+use incise::tissue::{Tissue, TissueSettings};
+use proptest::prelude::*;
+
+fn triangles(solid: &Solid) -> Vec<[u32; 3]> {
+    solid.mesh.live_faces().map(|f| solid.mesh.face(f).map(|v| v.0)).collect()
+}
+
+fn hull(body: &Hexahedron) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let quads = (0..6).map(|k| body.facets.cycle(k).iter().map(|&c| u32::from(c)).collect::<Vec<_>>());
+    (body.facets.corners.to_vec(), quads.flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]]).collect())
+}
+
+/// A single body out of a closed solid: closed, sound, and of the right volume.
+fn check(before: &Solid, after: &Solid, bodies: &[Hexahedron]) -> Result<(), TestCaseError> {
+    prop_assert_eq!(after.mesh.validate(), Ok(()));
+    prop_assert_eq!(after.open_half_edges().len(), 0);
+    let whole = volume(&before.positions, &triangles(before));
+    let hulls: Vec<_> = bodies.iter().map(hull).collect();
+    let expected = volume_of_difference(&before.positions, &triangles(before), &hulls).unwrap();
+    let found = volume(&after.positions, &triangles(after));
+    let off = (found - expected).abs();
+    let removed = whole - expected;
+    prop_assert!(off <= 1e-6 * whole && off <= 1e-3 * removed + 1e-10 * whole, "{found} for {expected} of {whole}");
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    #[test]
+    fn bodies_leave_a_closed_solid_of_the_right_volume(boxes in prop::collection::vec(any_box(1.2, 0.8), 1..4), levels in 0usize..4) {
+        let before = Solid::sphere(1.0, levels);
+        let mut solid = before.clone();
+        let mut torn = Vec::new();
+        for body in boxes {
+            // a body that no face reaches into is left alone by rule, even inside the solid
+            if tear(&mut solid, &body, true).0 {
+                torn.push(body);
+            }
+        }
+        check(&before, &solid, &torn)?;
+    }
+}
+
+/// A broken wall is caught: the same check on a solid that lacks what one wall face spans.
+#[test]
+fn a_broken_wall_is_caught() {
+    let before = Solid::sphere(1.0, 2);
+    let body = Hexahedron::new(DVec3::X, DMat3::IDENTITY, DVec3::splat(0.3));
+    let mut after = before.clone();
+    let (_, step) = tear(&mut after, &body, true);
+    let torn = [body];
+    assert!(check(&before, &after, &torn).is_ok());
+    let corner = step.new_vertices.iter().find(|n| n.parent_count == 0).unwrap().vertex;
+    let mut moved = after.clone();
+    moved.positions[corner.index()].y += 1e-3;
+    assert!(check(&before, &moved, &torn).is_err(), "a corner of the floor 1e-3 off");
+    let (wall, _) = step.walls[0];
+    after.mesh.replace_faces(&[wall], &[], |_| 0, &mut Default::default());
+    assert!(check(&before, &after, &torn).is_err(), "a wall face too few");
+}
+
+/// A scene without particles, at rest, and its surface in model space.
+fn still_scene(name: &str, faces: usize) -> (Scene, Vec<DVec3>, Vec<[u32; 3]>) {
+    let model = models::model(name, faces);
+    let settings = TissueSettings { particles: None, ..models::settings(&model) };
+    let tissue = Tissue::new(model, &settings).unwrap();
+    let mut positions = vec![DVec3::ZERO; tissue.mesh().vertex_slots()];
+    for v in tissue.mesh().live_vertices() {
+        positions[v.index()] = tissue.position(v) + tissue.offset();
+    }
+    let faces = tissue.mesh().live_faces().map(|f| tissue.mesh().face(f).map(|v| v.0)).collect();
+    let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
+    let mut scene = Scene::new(tissue, tools);
+    scene.set_wall(WallMode::Closed);
+    (scene, positions, faces)
+}
+
+fn stroke(scene: &mut Scene, width: f64, poses: &[BladePose]) -> EditReport {
+    scene.edit(EditCommand::StrokeBegin { width });
+    for pose in poses {
+        scene.edit(EditCommand::StrokePose(*pose));
+    }
+    scene.edit(EditCommand::StrokeEnd).pop().unwrap()
+}
+
+fn box_hull(b: &TearBox) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    (b.corners().to_vec(), b.hull_triangles().iter().map(|t| t.map(u32::from)).collect())
+}
+
+/// A path through a model with these bounds: the tip wanders, the blade reaches far out and tilts.
+#[derive(Clone, Debug)]
+struct Wander {
+    start: [f64; 3],
+    steps: Vec<[f64; 3]>,
+    up: [f64; 3],
+    width: f64,
+}
+
+impl Wander {
+    fn any() -> impl Strategy<Value = Self> {
+        let unit = || prop::array::uniform3(-1.0f64..1.0);
+        (unit(), prop::collection::vec(unit(), 1..5), unit(), 0.002f64..0.08).prop_map(|(start, steps, up, width)| Self {
+            start,
+            steps,
+            up,
+            width,
+        })
+    }
+
+    fn poses(&self, low: DVec3, high: DVec3) -> Vec<BladePose> {
+        let (centre, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        let diagonal = (high - low).length();
+        let mut tip = centre + half * DVec3::from_array(self.start) * 0.9;
+        let mut up = DVec3::from_array(self.up).try_normalize().unwrap_or(DVec3::Y);
+        let mut poses = vec![BladePose { t: 0.0, tip, base: tip + up * diagonal * 1.2 }];
+        for (i, step) in self.steps.iter().enumerate() {
+            let step = DVec3::from_array(*step);
+            let across = step - up * step.dot(up) * 0.8;
+            tip += across * diagonal * 0.2;
+            up = (up + DVec3::new(step.y, step.z, step.x) * 0.1).normalize();
+            poses.push(BladePose { t: (i + 1) as f64 * 0.3, tip, base: tip + up * diagonal * 1.2 });
+        }
+        poses
+    }
+}
+
+fn bounds(positions: &[DVec3]) -> (DVec3, DVec3) {
+    (positions.iter().copied().reduce(DVec3::min).unwrap(), positions.iter().copied().reduce(DVec3::max).unwrap())
+}
+
+/// Closed pieces whose volumes add up to the boolean difference with the union of the boxes.
+fn check_stroke(name: &str, faces: usize, path: &Wander) -> Result<bool, TestCaseError> {
+    let (mut scene, positions, triangles) = still_scene(name, faces);
+    let (low, high) = bounds(&positions);
+    let report = stroke(&mut scene, path.width * (high - low).length(), &path.poses(low, high));
+    for (_, tissue) in scene.tissues() {
+        prop_assert_eq!(tissue.validate(), Ok(()));
+    }
+    if report.outcome == Outcome::Missed {
+        return Ok(false);
+    }
+    prop_assert!(report.pieces.iter().all(|p| p.closed), "{:?}", report.pieces);
+    let whole = volume(&positions, &triangles);
+    let boxes: Vec<_> = scene.last_tear_boxes().iter().map(box_hull).collect();
+    let Ok(expected) = volume_of_difference(&positions, &triangles, &boxes) else { return Ok(false) };
+    let found: f64 = report.pieces.iter().map(|p| p.volume).sum();
+    let off = (found - expected).abs();
+    let removed = whole - expected;
+    prop_assert!(
+        off <= 1e-6 * whole && off <= 1e-3 * removed + 1e-9 * whole,
+        "{} {}: {} for {}, {:e} of the whole, {:e} of the removed; boxes {:?}",
+        name,
+        faces,
+        found,
+        expected,
+        off / whole,
+        off / removed,
+        scene
+            .last_tear_boxes()
+            .iter()
+            .zip(&report.segments)
+            .map(|(b, s)| (b.chain, b.index, b.volume() / whole, s.wall_faces))
+            .collect::<Vec<_>>()
+    );
+    Ok(true)
+}
+
+/// For each of three models.
+const STROKES: u32 = 170;
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(STROKES))]
+
+    #[test]
+    fn strokes_on_a_sphere(path in Wander::any(), fine in any::<bool>()) {
+        check_stroke("sphere", if fine { 768 } else { 150 }, &path)?;
+    }
+
+    #[test]
+    fn strokes_on_a_beam(path in Wander::any(), fine in any::<bool>()) {
+        check_stroke("beam", if fine { 800 } else { 200 }, &path)?;
+    }
+
+    #[test]
+    fn strokes_on_a_heart(path in Wander::any()) {
+        check_stroke("heart", 500, &path)?;
+    }
+}
+
+fn across(scene: &Scene, share: f64, depth: f64, count: usize) -> Vec<BladePose> {
+    let (_, tissue) = scene.tissues().next().unwrap();
+    let (low, high) = tissue.bounds();
+    let (low, high) = (low + tissue.offset(), high + tissue.offset());
+    let size = high - low;
+    let at = |i: usize| low.x + size.x * (0.25 + 0.5 * i as f64 / (count - 1) as f64);
+    let pose = |i: usize| {
+        let tip = DVec3::new(at(i), high.y - size.y * depth, low.z + size.z * (share + 0.02 * (i as f64).sin()));
+        BladePose { t: i as f64 * 0.05, tip, base: tip + DVec3::Y * size.length() }
+    };
+    (0..count).map(pose).collect()
+}
+
+fn all_closed(scene: &Scene) -> bool {
+    scene.tissues().all(|(_, t)| t.measure_all().closed())
+}
+
+/// Strokes while the model is animated and displaced: walls stay closed, nothing pops, undo leads back.
+#[test]
+fn walls_on_moving_displaced_tissue() {
+    for (name, faces) in [("beam", 800), ("heart", 900)] {
+        let (mut scene, animated) = models::scene(name, faces);
+        scene.set_wall(WallMode::Closed);
+        scene.set_animation(animated.then_some(0));
+        let diagonal = scene.tissues().next().unwrap().1.diagonal();
+        let untouched = scene.edit_hash();
+        let (mut time, mut torn_strokes) = (0.0, 0);
+        for (stroke, share) in [0.5, 0.42, 0.58].into_iter().enumerate() {
+            let poses = across(&scene, share, if stroke == 2 { 1.2 } else { 0.5 }, 14);
+            let edit = |scene: &mut Scene, command: EditCommand| {
+                let before: Vec<(VertexId, DVec3)> =
+                    scene.tissues().next().map(|(_, t)| t.mesh().live_vertices().map(|v| (v, t.position(v))).collect()).unwrap();
+                let reports = scene.edit(command);
+                let (_, tissue) = scene.tissues().next().unwrap();
+                for (v, p) in before.into_iter().filter(|(v, _)| tissue.mesh().vertex_is_live(*v)) {
+                    assert!(tissue.position(v).distance(p) < 1e-6 * diagonal, "{name}: {v:?} pops");
+                }
+                reports
+            };
+            edit(&mut scene, EditCommand::StrokeBegin { width: 0.012 * diagonal });
+            for pose in poses {
+                time += 1.0 / 30.0;
+                scene.pose(time, time);
+                scene.step(1.0 / 30.0);
+                edit(&mut scene, EditCommand::StrokePose(pose));
+                assert!(all_closed(&scene), "{name}: open during stroke {stroke}");
+            }
+            let report = edit(&mut scene, EditCommand::StrokeEnd).pop().unwrap();
+            assert_eq!(report.unclosed_edges, 0);
+            torn_strokes += usize::from(report.wall_faces > 0);
+            assert!(report.pieces.iter().all(|p| p.closed && p.non_manifold_edges == 0), "{name}: {:?}", report.pieces);
+            assert!(report.wall_deviation < 0.05 * diagonal, "{name}: {}", report.wall_deviation);
+            for (_, tissue) in scene.tissues() {
+                assert_eq!(tissue.validate(), Ok(()));
+            }
+            for _ in 0..10 {
+                time += 1.0 / 30.0;
+                scene.pose(time, time);
+                scene.step(1.0 / 30.0);
+            }
+        }
+        assert!(torn_strokes > 1, "{name}: {torn_strokes} strokes met the model");
+        let torn = scene.edit_hash();
+        (0..torn_strokes).for_each(|_| drop(scene.edit(EditCommand::Undo)));
+        assert_eq!(scene.edit_hash(), untouched);
+        (0..torn_strokes).for_each(|_| drop(scene.edit(EditCommand::Redo)));
+        assert_eq!(scene.edit_hash(), torn);
+    }
+}
+
+/// Straight lips on a flat skin, on tilted blades: no wall face without area.
+#[test]
+fn walls_along_straight_lips_have_no_face_without_area() {
+    let (mut scene, ..) = still_scene("beam", 3000);
+    let at = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+    let pose = |t: f64, tip: DVec3, base: DVec3| BladePose { t, tip, base };
+    let poses = [
+        pose(0.0, at(-0.1, 0.02, 0.0), at(-0.1, 0.5, 0.02)),
+        pose(0.5, at(0.0, 0.0, 0.01), at(0.0, 0.5, 0.0)),
+        pose(1.0, at(0.1, 0.02, 0.0), at(0.1, 0.5, 0.0)),
+    ];
+    let report = stroke(&mut scene, 0.01, &poses);
+    assert_eq!(report.pieces[0].degenerate_faces, 0);
+    assert!(report.pieces[0].closed && report.smallest_angle.unwrap() > 0.0, "{:?}", report.smallest_angle);
+}
+
+/// One pose a frame, or all at once: the same bits while the tissue rests.
+#[test]
+fn live_and_offline_give_the_same_bits() {
+    let torn = |live: bool| {
+        let (mut scene, _) = models::scene("heart", 900);
+        scene.set_wall(WallMode::Closed);
+        let diagonal = scene.tissues().next().unwrap().1.diagonal();
+        let poses = across(&scene, 0.5, 0.3, 12);
+        scene.edit(EditCommand::StrokeBegin { width: 0.01 * diagonal });
+        for (i, pose) in poses.into_iter().enumerate() {
+            if live {
+                scene.pose(i as f64 / 90.0, 0.0);
+            }
+            scene.edit(EditCommand::StrokePose(pose));
+        }
+        scene.edit(EditCommand::StrokeEnd);
+        assert!(all_closed(&scene));
+        scene.edit_hash()
+    };
+    assert_eq!(torn(true), torn(false));
+}

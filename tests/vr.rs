@@ -1,0 +1,15 @@
+//! The real program on a real OpenXR runtime: Monado without a headset, its controllers led over a socket. `scripts/test-vr`
+//! sets the runtime up and runs these; elsewhere they are ignored.
+
+#![cfg(feature = "vr")]
+
+#[path = "vr/driver.rs"]
+mod driver;
+#[path = "vr/failures.rs"]
+mod failures;
+#[path = "vr/remote.rs"]
+mod remote;
+#[path = "vr/service.rs"]
+mod service;
+#[path = "vr/surgery.rs"]
+mod surgery;

@@ -1,0 +1,164 @@
+//! Leads a run in lockstep: moves the controllers, then tells the program what it should see.
+
+use super::remote::{Controller, Remote};
+use super::service::{Service, within};
+use glam::{DQuat, DVec3};
+use incise::host::vr::space::{Placement, Pose};
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Write};
+use std::net::{TcpListener, TcpStream};
+use std::process::{Child, Stdio};
+use std::time::Duration;
+
+/// Where the user's head is.
+pub const HEAD: [f32; 3] = [0.0, 1.6, 0.0];
+/// From grip to tip, and how much deeper a full trigger is: the defaults of config.toml.
+const TIP: f64 = 0.12;
+const REACH: f64 = 0.03;
+
+/// A program that is being led.
+pub struct Led {
+    program: Child,
+    remote: Remote,
+    lines: BufReader<TcpStream>,
+    /// Where the model stands.
+    pub placement: Placement,
+    /// The model's bounds.
+    pub low: DVec3,
+    pub high: DVec3,
+    hands: [Controller; 2],
+    frames: usize,
+}
+
+impl Led {
+    /// Starts the program with these arguments and waits until it has focus.
+    pub fn start(service: &Service, arguments: &[&str], more: &[(&str, &str)]) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
+        let address = listener.local_addr().expect("its address").to_string();
+        let mut remote = connect(service);
+        let away = Controller { position: [0.0, 1.0, 0.5], ..Controller::default() };
+        remote.send(HEAD, &[away; 2]).expect("the service takes it");
+        let all = [&["vr"], arguments, &["--lockstep", &address]].concat();
+        let mut command = service.incise(&all);
+        for (name, value) in more {
+            command.env(name, value);
+        }
+        let log = std::fs::File::create(service.folder.join("incise.log")).expect("a log");
+        command.stdin(Stdio::null()).stdout(log.try_clone().expect("a log")).stderr(log);
+        let program = command.spawn().expect("incise starts");
+        let (stream, _) = listener.accept().expect("incise connects");
+        stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a timeout");
+        let mut led = Self {
+            program,
+            remote,
+            lines: BufReader::new(stream),
+            placement: Placement { position: DVec3::ZERO, yaw: 0.0, scale: 1.0 },
+            low: DVec3::ZERO,
+            high: DVec3::ZERO,
+            hands: [away; 2],
+            frames: 0,
+        };
+        let line = led.line();
+        let ready = line.strip_prefix("ready ").unwrap_or_else(|| panic!("{line:?}\n{}", log_of(service)));
+        let ready: Value = serde_json::from_str(ready).expect("JSON");
+        let point = |v: &Value| DVec3::from_array([0, 1, 2].map(|i| v[i].as_f64().expect("a number")));
+        (led.low, led.high) = (point(&ready["low"]), point(&ready["high"]));
+        let head = Pose { position: DVec3::from_array(HEAD.map(f64::from)), rotation: DQuat::IDENTITY };
+        led.placement = Placement::within_reach(led.low, led.high, &head);
+        led
+    }
+
+    fn line(&mut self) -> String {
+        let mut line = String::new();
+        self.lines.read_line(&mut line).expect("incise answers");
+        line.trim_end().to_string()
+    }
+
+    /// Where the grip must be for the instrument's tip to be at a point of model space.
+    pub fn grip_for(&self, tip: DVec3, trigger: f32) -> [f32; 3] {
+        let deeper = TIP + REACH * f64::from(trigger);
+        (self.placement.to_world(tip) + DVec3::Z * deeper).as_vec3().to_array()
+    }
+
+    /// Changes a hand for the frames to come.
+    pub fn hand(&mut self, hand: usize) -> &mut Controller {
+        &mut self.hands[hand]
+    }
+
+    /// One frame with the hands as they are.
+    pub fn frame(&mut self, capture: bool) {
+        let line = self.line();
+        assert_eq!(line, format!("frame {}", self.frames));
+        self.frames += 1;
+        self.remote.send(HEAD, &self.hands).expect("the service takes it");
+        let mut say = String::from("expect");
+        for Controller { position: [x, y, z], trigger, squeeze, .. } in self.hands {
+            say += &format!(" {x} {y} {z} {trigger} {squeeze}");
+        }
+        self.say(&format!("{say}{}", if capture { " capture" } else { "" }));
+    }
+
+    /// Presses the lower button of a hand for two frames and lets it go for two.
+    pub fn press_a(&mut self, hand: usize) {
+        for down in [true, true, false, false] {
+            self.hand(hand).a = down;
+            self.frame(false);
+        }
+    }
+
+    /// The same with the upper button.
+    pub fn press_b(&mut self, hand: usize) {
+        for down in [true, true, false, false] {
+            self.hand(hand).b = down;
+            self.frame(false);
+        }
+    }
+
+    fn say(&mut self, line: &str) {
+        self.lines.get_mut().write_all(format!("{line}\n").as_bytes()).expect("incise listens");
+    }
+
+    /// Ends the run; true if the program left with exit code 0.
+    pub fn quit(mut self) -> bool {
+        self.line();
+        self.say("quit");
+        self.ends_well()
+    }
+
+    /// Waits for the program's end, at most half a minute.
+    pub fn ends_well(mut self) -> bool {
+        let mut code = None;
+        within(Duration::from_secs(30), || {
+            code = self.program.try_wait().ok().flatten();
+            code.is_some()
+        });
+        code.is_some_and(|c| c.success())
+    }
+
+    /// Leads on after the service was started anew.
+    pub fn reconnect(&mut self, service: &Service) {
+        self.remote = connect(service);
+        self.remote.send(HEAD, &self.hands).expect("the service takes it");
+    }
+}
+
+impl Drop for Led {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+fn connect(service: &Service) -> Remote {
+    let mut remote = None;
+    within(Duration::from_secs(10), || {
+        remote = Remote::connect(service.port).ok();
+        remote.is_some()
+    });
+    remote.expect("the remote driver answers")
+}
+
+/// What the program has said so far, on stdout and stderr.
+pub fn log_of(service: &Service) -> String {
+    std::fs::read_to_string(service.folder.join("incise.log")).unwrap_or_default()
+}

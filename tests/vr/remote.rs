@@ -1,0 +1,58 @@
+//! A client of Monado's `remote` driver: head and controllers as 376 bytes, little endian; the latest packet wins.
+
+use std::io::{Read, Write};
+use std::net::TcpStream;
+
+const PACKET: usize = 376;
+const UPRIGHT: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
+
+/// One controller. Turned as the room is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Controller {
+    pub position: [f32; 3],
+    pub trigger: f32,
+    pub squeeze: f32,
+    /// The lower button of the hand.
+    pub a: bool,
+    /// The upper one.
+    pub b: bool,
+}
+
+pub struct Remote(TcpStream);
+
+impl Remote {
+    pub fn connect(port: u16) -> std::io::Result<Self> {
+        let mut stream = TcpStream::connect(("127.0.0.1", port))?;
+        stream.set_nodelay(true)?;
+        // it greets with its reset state and its latest state
+        stream.read_exact(&mut [0; 2 * PACKET])?;
+        Ok(Self(stream))
+    }
+
+    pub fn send(&mut self, head: [f32; 3], hands: &[Controller; 2]) -> std::io::Result<()> {
+        let mut bytes = Vec::with_capacity(PACKET);
+        bytes.extend_from_slice(b"mndrmt3\0");
+        bytes.extend_from_slice(&[0; 96]); // views of their own: none
+        put(&mut bytes, &UPRIGHT);
+        put(&mut bytes, &head);
+        bytes.extend_from_slice(&[0; 4]);
+        for hand in hands {
+            put(&mut bytes, &UPRIGHT);
+            put(&mut bytes, &hand.position);
+            put(&mut bytes, &[0.0; 6]); // velocities
+            put(&mut bytes, &[0.0; 5]); // fingers
+            put(&mut bytes, &[hand.trigger, hand.squeeze, hand.squeeze, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            let on = |b: bool| u8::from(b);
+            // hand tracking, active, system, a, b, trigger: clicked and touched each; stick, trackpad, padding
+            let (pulled, touched) = (on(hand.trigger > 0.9), on(hand.trigger > 0.0));
+            bytes.extend_from_slice(&[0, 1, 0, 0, on(hand.a), on(hand.a), on(hand.b), on(hand.b), pulled, touched]);
+            bytes.extend_from_slice(&[0; 6]);
+        }
+        assert_eq!(bytes.len(), PACKET);
+        self.0.write_all(&bytes)
+    }
+}
+
+fn put(bytes: &mut Vec<u8>, numbers: &[f32]) {
+    numbers.iter().for_each(|n| bytes.extend_from_slice(&n.to_le_bytes()));
+}

@@ -1,0 +1,195 @@
+//! A person tears, pulls and cuts; the program's own report says what came of it.
+
+use super::driver::{Led, log_of};
+use super::service::{Compositor, Service, within};
+use glam::DVec3;
+use serde_json::Value;
+use std::path::Path;
+use std::time::Duration;
+
+/// What a run was told and what it says.
+struct Run {
+    report: Value,
+    /// Tips that were commanded while the trigger was held, model space.
+    tips: Vec<DVec3>,
+    log: String,
+    diagonal: f64,
+    /// What the compositor showed at the end, where it shows anything: RGB, width, height.
+    screen: Option<(Vec<u8>, u32, u32)>,
+}
+
+const PULL: f32 = 0.5;
+const STROKE_FRAMES: usize = 40;
+
+/// Tears down the front with the right hand, pulls with the left, cuts in two with the right.
+fn operate(service: &Service, more: &[(&str, &str)]) -> Run {
+    let mut led = Led::start(service, &["heart", "--animation", "none", "--out", "out"], more);
+    let (low, high) = (led.low, led.high);
+    let size = high - low;
+    let middle = 0.5 * (low + high);
+    for _ in 0..5 {
+        led.frame(false);
+    }
+    // Into the front, a tenth of the model deep.
+    let mut tips = Vec::new();
+    let front = |u: f64| DVec3::new(middle.x, middle.y + size.y * (0.15 - 0.3 * u), high.z - 0.25 * size.z);
+    for i in 0..STROKE_FRAMES {
+        let tip = front(i as f64 / (STROKE_FRAMES - 1) as f64);
+        led.hand(1).position = led.grip_for(tip, PULL);
+        led.hand(1).trigger = PULL;
+        led.frame(false);
+        tips.push(tip);
+    }
+    led.hand(1).trigger = 0.0;
+    for _ in 0..3 {
+        led.frame(false);
+    }
+    // Forceps at the left of the wound, pulled towards the user.
+    for i in 0..15 {
+        let tip = DVec3::new(middle.x - 0.15 * size.x, middle.y, high.z - 0.1 * size.z + 0.1 * size.z * i as f64 / 15.0);
+        led.hand(0).position = led.grip_for(tip, 0.0);
+        led.hand(0).trigger = if i > 2 { 1.0 } else { 0.0 };
+        led.frame(false);
+    }
+    led.hand(0).trigger = 0.0;
+    led.frame(false);
+    // The plane tool, upright through the right half.
+    led.press_a(1);
+    led.hand(1).position = led.grip_for(DVec3::new(middle.x + 0.2 * size.x, middle.y, high.z), 0.0);
+    for trigger in [1.0, 1.0, 0.0, 0.0, 0.0] {
+        led.hand(1).trigger = trigger;
+        led.frame(false);
+    }
+    for i in 0..8 {
+        led.frame(i == 7);
+    }
+    // The panel, opened and closed again, and opened for the picture.
+    led.press_b(1);
+    led.press_b(1);
+    led.press_b(1);
+    let screen = service.has_window().then(|| {
+        within(Duration::from_secs(5), || lit_share(&service.screen()) > 0.05);
+        service.screen()
+    });
+    assert!(led.quit(), "a clean exit: {}", log_of(service));
+    let report = std::fs::read_to_string(service.folder.join("out/report.json")).expect("a report");
+    let report = serde_json::from_str(&report).expect("JSON");
+    Run { report, tips, log: log_of(service), diagonal: size.length(), screen }
+}
+
+fn points(value: &Value) -> Vec<DVec3> {
+    let point = |v: &Value| DVec3::from_array([0, 1, 2].map(|i| v[i].as_f64().expect("a number")));
+    value.as_array().expect("points").iter().map(point).collect()
+}
+
+/// Share of the commanded stroke, its two ends left out, that some box of the wound lies beside (seen along the blade).
+fn torn_share(tips: &[DVec3], boxes: &[DVec3], reach: f64) -> f64 {
+    let inner = &tips[tips.len() / 8..tips.len() - tips.len() / 8];
+    let beside = |tip: &&DVec3| boxes.iter().any(|b| (*b - **tip).truncate().length() < reach);
+    inner.iter().filter(beside).count() as f64 / inner.len() as f64
+}
+
+fn check_surgery(run: &Run) {
+    let edits = run.report["edits"].as_array().expect("edits");
+    let outcomes: Vec<&str> = edits.iter().filter_map(|e| e["outcome"].as_str()).collect();
+    assert_eq!(outcomes, ["torn", "cut"], "{}", run.log);
+    // The program saw the hand where it was led ...
+    let seen = points(&run.report["tips"]);
+    let nearest = |p: &DVec3| seen.iter().map(|s| s.distance(*p)).fold(f64::INFINITY, f64::min);
+    let off = run.tips.iter().map(nearest).fold(0.0, f64::max);
+    assert!(off < 1e-5, "{off} m off");
+    // ... and tore there, and nowhere else.
+    let boxes = points(&run.report["last_boxes"]);
+    let reach = 0.03 * run.diagonal;
+    assert!(boxes.len() > 3, "{} boxes", boxes.len());
+    assert_eq!(torn_share(&run.tips, &boxes, reach), 1.0);
+    let elsewhere: Vec<DVec3> = run.tips.iter().map(|p| p + DVec3::X * 0.1 * run.diagonal).collect();
+    assert_eq!(torn_share(&elsewhere, &boxes, reach), 0.0, "the measure sees a wound that is elsewhere");
+    assert!(run.report["pulses"].as_u64() > Some(4), "contact, segments and the cut are felt: {}", run.report["pulses"]);
+    assert!(edits[1]["pieces"].as_array().is_some_and(|p| p.len() >= 2));
+    assert!(edits[0]["new_vertices"].as_u64() > Some(10));
+    let frames = run.report["frames"].as_array().expect("frames");
+    assert!(frames.len() > STROKE_FRAMES && run.report["drawn"].as_u64() >= Some(frames.len() as u64));
+    let moved = frames.iter().any(|f| f["particles_awake"].as_u64() > Some(0));
+    assert!(moved, "the forceps pulled something");
+    for frame in &frames[1..5] {
+        assert_eq!(frame["allocations"], 0, "a resting frame allocates nothing");
+    }
+}
+
+/// Both eyes show the model, each from its own place, and as a device draws it that has seen none of the edits happen.
+fn check_eyes(run: &Run, folder: &Path) {
+    let open = |name: &str| image::open(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).to_rgb8();
+    let eyes = [open("eye-0.png"), open("eye-1.png")];
+    let difference = |a: &image::RgbImage, b: &image::RgbImage| {
+        a.as_raw().iter().zip(b.as_raw()).map(|(x, y)| f64::from(x.abs_diff(*y))).sum::<f64>() / a.as_raw().len() as f64
+    };
+    for (i, eye) in eyes.iter().enumerate() {
+        let twin = open(&format!("headless-{i}.png"));
+        let off = difference(eye, &twin);
+        assert!(off < 0.3, "eye {i} differs by {off} of 255 from the headless picture");
+        let colours: std::collections::BTreeSet<&[u8]> = eye.as_raw().chunks(3).collect();
+        assert!(colours.len() > 500, "eye {i} has {} colours", colours.len());
+    }
+    assert!(difference(&eyes[0], &eyes[1]) > 1.0, "the eyes see from different places");
+    assert!(run.report["eyes"][1]["mean_difference"].as_f64().is_some_and(|d| d < 0.3));
+}
+
+/// Both validation layers were there, and neither had anything to say.
+fn check_validation(vulkan: &str, openxr: &str) {
+    let inserted = |l: &str| l.contains("VK_LAYER_KHRONOS_validation") && l.to_lowercase().contains("insert");
+    assert!(vulkan.lines().any(inserted), "Vulkan's layer was not loaded:\n{vulkan}");
+    let marks = ["VUID", "Validation Error", "Validation Warning"];
+    let found: Vec<&str> = vulkan.lines().filter(|l| marks.iter().any(|m| l.contains(m))).collect();
+    assert!(found.is_empty(), "Vulkan validation:\n{}", found.join("\n"));
+    assert!(openxr.contains("Core Validation Layer is initialized"), "OpenXR's layer was not loaded:\n{openxr}");
+    let found: Vec<&str> = openxr.lines().filter(|l| !l.trim().is_empty() && !l.contains("VALID_DEBUG")).collect();
+    assert!(found.is_empty(), "OpenXR validation:\n{}", found.join("\n"));
+}
+
+#[test]
+#[ignore = "scripts/test-vr runs it"]
+fn a_person_tears_pulls_and_cuts_and_every_run_is_the_same() {
+    let window = Service::start("window", Compositor::Window);
+    let xr_log = window.folder.join("openxr-validation.txt");
+    let validated = operate(
+        &window,
+        &[
+            ("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation"),
+            ("XR_ENABLE_API_LAYERS", "XR_APILAYER_LUNARG_core_validation"),
+            ("VK_LOADER_DEBUG", "layer"),
+            ("XR_CORE_VALIDATION_EXPORT_TYPE", "text"),
+            ("XR_CORE_VALIDATION_FILE_NAME", xr_log.to_str().expect("a plain name")),
+        ],
+    );
+    check_surgery(&validated);
+    check_eyes(&validated, &window.folder.join("out"));
+    check_validation(&validated.log, &std::fs::read_to_string(&xr_log).unwrap_or_default());
+
+    let null = Service::start("null", Compositor::Null);
+    let again = operate(&null, &[]);
+    check_surgery(&again);
+    for hash in ["edit_hash", "state_hash"] {
+        assert_eq!(validated.report[hash], again.report[hash], "two runs, one {hash}");
+    }
+    let screen = validated.screen.expect("a window");
+    keep(&window.folder.join("out"), &screen);
+    let lit = lit_share(&screen);
+    assert!(lit > 0.05, "the compositor shows nothing: {lit}");
+}
+
+/// Share of pixels that are not nearly black.
+fn lit_share((rgb, _, _): &(Vec<u8>, u32, u32)) -> f64 {
+    let lit = rgb.chunks(3).filter(|p| p.iter().any(|&c| c > 40)).count();
+    3.0 * lit as f64 / rgb.len().max(1) as f64
+}
+
+/// Leaves pictures and report where INCISE_XR_KEEP says.
+fn keep(out: &Path, (rgb, width, height): &(Vec<u8>, u32, u32)) {
+    let Some(folder) = std::env::var_os("INCISE_XR_KEEP").map(std::path::PathBuf::from) else { return };
+    std::fs::create_dir_all(&folder).expect("a folder");
+    for name in ["eye-0.png", "eye-1.png", "headless-0.png", "headless-1.png", "report.json"] {
+        let _ = std::fs::copy(out.join(name), folder.join(name));
+    }
+    image::save_buffer(folder.join("composited.png"), rgb, *width, *height, image::ColorType::Rgb8).expect("written");
+}
