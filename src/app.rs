@@ -16,6 +16,8 @@ pub struct FrameCounters {
     pub draws: u64,
     /// Bytes sent to the GPU.
     pub bytes_uploaded: u64,
+    /// Pipelines compiled.
+    pub pipelines: u64,
     /// Faces that edits looked at.
     pub faces_visited: u64,
     /// Particles that the solver moved.

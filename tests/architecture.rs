@@ -42,7 +42,7 @@ const CRATES: [(&str, &[&str]); 14] = [
     ("wgpu", &["gpu", "host"]),
     ("naga", &["gpu"]),
     ("openxr", &["host/vr"]),
-    ("winit", &["host/desktop"]),
+    ("winit", &["host/desktop", "host/spectator"]),
     ("egui", &["gpu/ui", "panel", "app/panel", "host/panel"]),
     // besides the renderer, the choice of a surface format that egui can draw into
     ("egui_wgpu", &["gpu/ui", "host/desktop"]),

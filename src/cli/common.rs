@@ -9,6 +9,8 @@ use crate::physics::NetworkSettings;
 use crate::rig::Rig;
 use crate::scene::{Scene, SceneSettings};
 use crate::tissue::{Tissue, TissueSettings};
+#[cfg(any(feature = "desktop", feature = "vr"))]
+use crate::host::models::{Loaded, Request};
 #[cfg(feature = "gpu")]
 use crate::{surgery::WallMode, tissue::forces::BodyForces};
 use clap::Args;
@@ -184,6 +186,28 @@ pub fn live_scene(tissue: Tissue, tools: SceneSettings, wall: WallMode, config: 
     scene.set_pieces(config.pieces.for_scene());
     scene.set_body_forces(BodyForces { gravity: config.dynamics.gravity, inertia: config.dynamics.inertia });
     scene
+}
+
+/// A scene of a model, at rest, as the settings have it.
+#[cfg(any(feature = "desktop", feature = "vr"))]
+pub fn live_model(request: &Request) -> Result<Loaded, CliError> {
+    let Request { model: name, config, spacing } = request;
+    let model = load(name)?;
+    let warnings = model.report.warnings.clone();
+    let given = ParticleOverrides { spacing: *spacing, ..ParticleOverrides::default() };
+    let particles = particle_settings(&model, config, &given, 1)?;
+    let tissue = Tissue::new(model, &tissue_settings(config, Some(particles))).map_err(CliError::input)?;
+    let settings = SceneSettings { sampling: config.sampling, sample_distance: None, sample_time: None };
+    let mut scene = live_scene(tissue, settings, config.tear.wall, config);
+    scene.pose(0.0, 0.0);
+    Ok(Loaded { scene, name: name.clone(), warnings })
+}
+
+/// Writes the scene as .glb: pieces are nodes of their own.
+#[cfg(any(feature = "desktop", feature = "vr"))]
+pub fn export(scene: &Scene, file: &Path) -> Result<(), String> {
+    let (bytes, _) = scene_glb(scene).map_err(CliError::into_message)?;
+    write_file(file, &bytes).map_err(CliError::into_message)
 }
 
 /// Names of the scene's tissues as files call them: the model's own, and pieces by number.

@@ -1,14 +1,11 @@
 //! `incise desktop`, and plain `incise` where there is a display.
 
 use super::CliError;
-use super::common::{live_scene, load, particle_settings, scene_glb, tissue_settings, write_file};
+use super::common::{export, live_model, write_file};
 use super::headless::{frame_json, parse_size};
 use super::report_json;
 use crate::config::Config;
-use crate::host::desktop::{DesktopError, DesktopRun, Loaded, Request, Setup, StrokeNote, run};
-use crate::input::ParticleOverrides;
-use crate::scene::{Scene, SceneSettings};
-use crate::tissue::Tissue;
+use crate::host::desktop::{DesktopError, DesktopRun, Request, Setup, StrokeNote, run};
 use clap::Args;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -50,11 +47,11 @@ impl Desktop {
     ) -> Result<Result<(), DesktopError>, CliError> {
         let started = Instant::now();
         let model = self.model.unwrap_or_else(|| FIRST.into());
-        let first = make(&Request { model, config: config.clone(), spacing: None })?;
+        let first = live_model(&Request { model, config: config.clone(), spacing: None })?;
         let setup = Setup {
             config: config.clone(),
             config_file: file.map_or_else(|| "config.toml".into(), Path::to_path_buf),
-            load: Arc::new(|request| make(request).map_err(CliError::into_message)),
+            load: Arc::new(|request| live_model(request).map_err(CliError::into_message)),
             export,
             started,
             record: self.report.is_some(),
@@ -70,26 +67,6 @@ impl Desktop {
         }
         Ok(Ok(()))
     }
-}
-
-/// A scene of a model, at rest, as the settings have it.
-fn make(request: &Request) -> Result<Loaded, CliError> {
-    let Request { model: name, config, spacing } = request;
-    let model = load(name)?;
-    let warnings = model.report.warnings.clone();
-    let given = ParticleOverrides { spacing: *spacing, ..ParticleOverrides::default() };
-    let particles = particle_settings(&model, config, &given, 1)?;
-    let tissue = Tissue::new(model, &tissue_settings(config, Some(particles))).map_err(CliError::input)?;
-    let settings = SceneSettings { sampling: config.sampling, sample_distance: None, sample_time: None };
-    let mut scene = live_scene(tissue, settings, config.tear.wall, config);
-    scene.pose(0.0, 0.0);
-    Ok(Loaded { scene, name: name.clone(), warnings })
-}
-
-/// Writes the scene as .glb: pieces are nodes of their own.
-fn export(scene: &Scene, file: &Path) -> Result<(), String> {
-    let (bytes, _) = scene_glb(scene).map_err(CliError::into_message)?;
-    write_file(file, &bytes).map_err(CliError::into_message)
 }
 
 fn report(done: &DesktopRun) -> Value {

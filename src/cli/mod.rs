@@ -80,7 +80,7 @@ pub enum CliError {
 
 impl CliError {
     /// The words, whatever the exit code.
-    #[cfg(feature = "desktop")]
+    #[cfg(any(feature = "desktop", feature = "vr"))]
     fn into_message(self) -> String {
         match self {
             Self::Input(message) | Self::Run(message) => message,
@@ -132,7 +132,7 @@ fn load_config(named: Option<&Path>) -> Result<Config, CliError> {
 }
 
 fn run(command: Option<Command>, config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> Result<(), CliError> {
-    #[cfg(not(feature = "desktop"))]
+    #[cfg(not(any(feature = "desktop", feature = "vr")))]
     let _ = file;
     match command {
         Some(Command::Inspect(command)) => command.run(),
@@ -144,7 +144,7 @@ fn run(command: Option<Command>, config: &Config, file: Option<&Path>, allocatio
         #[cfg(feature = "gpu")]
         Some(Command::Headless(command)) => command.run(config, allocations),
         #[cfg(feature = "vr")]
-        Some(Command::Vr(command)) => command.run(config, allocations),
+        Some(Command::Vr(command)) => command.run(config, file, allocations),
         #[cfg(feature = "desktop")]
         Some(Command::Desktop(command)) => command.run(config, file, allocations),
         #[cfg(feature = "gpu")]
@@ -164,7 +164,7 @@ fn run(command: Option<Command>, config: &Config, file: Option<&Path>, allocatio
 fn best_mode(config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> Result<(), CliError> {
     #[cfg(feature = "vr")]
     match crate::host::vr::available() {
-        Ok(()) => return vr::Vr::plain().run(config, allocations),
+        Ok(()) => return vr::Vr::plain().run(config, file, allocations),
         Err(why) => tracing::info!("{why}"),
     }
     #[cfg(feature = "desktop")]
@@ -176,7 +176,7 @@ fn best_mode(config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> 
     } else {
         tracing::warn!("no display: neither DISPLAY nor WAYLAND_DISPLAY is set. Playing the headless demo instead");
     }
-    #[cfg(not(feature = "desktop"))]
+    #[cfg(not(any(feature = "desktop", feature = "vr")))]
     let _ = file;
     headless::Headless::demo().run(config, allocations)
 }

@@ -2,8 +2,8 @@
 
 use super::CliError;
 use super::common::{
-    PoseArgs, find_animation, live_scene, load, make_folder, particle_settings, print_line, scene_glb, tissue_settings,
-    write_file,
+    PoseArgs, export, find_animation, live_model, live_scene, load, make_folder, particle_settings, print_line, scene_glb,
+    tissue_settings, write_file,
 };
 use super::report_json;
 use crate::app::{App, FrameReport};
@@ -49,21 +49,24 @@ impl Vr {
         Self { model: "heart".into(), animation: None, seed: 1, frames: None, out: None, lockstep: None }
     }
 
-    pub fn run(self, config: &Config, allocations: fn() -> u64) -> Result<(), CliError> {
+    pub fn run(self, config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> Result<(), CliError> {
         let scene = self.make_scene(config)?;
         let mut app = App::new(scene, 1.0, allocations);
         let options = VrOptions {
             config: config.clone(),
+            config_file: file.map_or_else(|| "config.toml".into(), Path::to_path_buf),
+            load: Some(Arc::new(|request| live_model(request).map_err(CliError::into_message))),
+            export: Some(export),
+            allocations,
             model: self.model.clone(),
             frames: self.frames,
             lockstep: self.lockstep,
             keep_reports: self.out.is_some(),
         };
         let mut outcome = VrOutcome::default();
-        let before = app.scene.edit_hash();
         let result = run(&mut app, &options, &mut outcome);
         if let Err(error) = result {
-            let changed = app.scene.edit_hash() != before;
+            let changed = app.scene.undo_depth() > 0;
             return Err(CliError::Run(if changed { self.rescue(&app.scene, &error) } else { error.to_string() }));
         }
         if let Some(folder) = &self.out {
@@ -126,7 +129,7 @@ fn headless_twins(app: &App, pictures: &EyePictures, outcome: &VrOutcome) -> Res
     for (eye, view) in pictures.views.iter().enumerate() {
         mirror.renderer_mut().set_visibility_masks(pictures.masks.get(eye..=eye).unwrap_or_default());
         let options =
-            DrawOptions { lines: &outcome.lines, scenery, masked: !pictures.masks.is_empty(), ..DrawOptions::default() };
+            DrawOptions { lines: &outcome.lines, instruments: &outcome.instruments, scenery, masked: !pictures.masks.is_empty(), ..DrawOptions::default() };
         mirror.renderer_mut().draw_views(&[*view], pictures.size, &options)?;
         twins.push(mirror.renderer().read_picture(0)?);
     }
@@ -149,6 +152,7 @@ fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
             "bytes_uploaded": report.counters.bytes_uploaded,
             "particles_awake": report.counters.particles_awake,
             "allocations": report.counters.allocations,
+            "pipelines": report.counters.pipelines,
         })
     };
     let placement = outcome.placement.map(|p| json!({ "position": p.position.to_array(), "yaw": p.yaw, "scale": p.scale }));

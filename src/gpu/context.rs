@@ -2,6 +2,7 @@
 //! handed over in parts.
 
 use super::error::GpuError;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 /// Which adapter to look for.
@@ -51,6 +52,7 @@ pub struct Context {
     kind: AdapterKind,
     /// What the driver reported first, out of turn.
     failure: Arc<OnceLock<String>>,
+    pipelines: AtomicU64,
 }
 
 /// Format of the pictures.
@@ -79,7 +81,8 @@ impl Context {
     pub fn from_parts(instance: wgpu::Instance, adapter: wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let info = adapter.get_info();
         let failure = watch(&device);
-        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue: Mutex::new(queue), failure }
+        let queue = Mutex::new(queue);
+        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue, failure, pipelines: AtomicU64::new(0) }
     }
 
     /// Another device on the same adapter, after this one was lost. Errors: the adapter is gone too.
@@ -119,6 +122,16 @@ impl Context {
     /// Adapter kind.
     pub fn adapter_kind(&self) -> AdapterKind {
         self.kind
+    }
+
+    /// Pipelines compiled on this device so far.
+    pub fn pipelines_made(&self) -> u64 {
+        self.pipelines.load(Ordering::Relaxed)
+    }
+
+    /// Counts a pipeline that was compiled.
+    pub(crate) fn note_pipeline(&self) {
+        self.pipelines.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Samples a pixel of our own pictures: 4 where the adapter has them, else 1.

@@ -113,6 +113,7 @@ impl Stage {
         });
         let pipelines = std::array::from_fn(|variant| {
             let constants = [("skinned", (variant & 1) as f64), ("displaced", (variant >> 1) as f64)];
+            context.note_pipeline();
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(name),
                 layout: Some(&pipeline_layout),

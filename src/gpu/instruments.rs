@@ -5,7 +5,7 @@ use super::belt::Belt;
 use super::context::Context;
 use super::pipelines::{PipelineFamily, PipelineKey, Shape};
 use super::stage::{Stage, storage_entry};
-use super::tool_meshes::{self, Corners, Stuff};
+use super::tool_meshes::{self, Corners, Stuff, ToolMeshes};
 use super::types::ToolVertex;
 use glam::DAffine3;
 
@@ -47,13 +47,16 @@ impl Instrument {
         Self { tool: Tool::Scalpel, world_from_tool, colour: [1.0; 4] }
     }
 
-    fn append(&self, out: &mut Corners) {
+    fn append(&self, meshes: &ToolMeshes, out: &mut Corners) {
         let first = out.len();
         match self.tool {
-            Tool::Scalpel => tool_meshes::scalpel(out),
-            Tool::Forceps { opening } => tool_meshes::forceps(opening, out),
-            Tool::Sphere => tool_meshes::sphere(out),
-            Tool::Plane => tool_meshes::sheet(out),
+            Tool::Scalpel => out.extend_from_slice(&meshes.scalpel),
+            Tool::Forceps { opening } => {
+                out.extend_from_slice(&meshes.forceps);
+                tool_meshes::open_forceps(opening, &mut out[first..]);
+            }
+            Tool::Sphere => out.extend_from_slice(&meshes.sphere),
+            Tool::Plane => out.extend_from_slice(&meshes.sheet),
         }
         let colour = u32::from_le_bytes(self.colour.map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
         let linear = self.world_from_tool.matrix3;
@@ -83,6 +86,7 @@ pub struct InstrumentPass {
     layout: wgpu::BindGroupLayout,
     solid: PipelineFamily,
     clear: PipelineFamily,
+    meshes: ToolMeshes,
     shown: Vec<Instrument>,
     corners: Corners,
     /// Corners of solid parts; translucent ones follow.
@@ -102,6 +106,7 @@ impl InstrumentPass {
             solid: PipelineFamily::new(context, solid, &[&stage.layout, &layout]),
             clear: PipelineFamily::new(context, clear, &[&stage.layout, &layout]),
             layout,
+            meshes: ToolMeshes::new(),
             shown: Vec::new(),
             corners: Corners::new(),
             solid_corners: 0,
@@ -119,9 +124,9 @@ impl InstrumentPass {
         self.corners.clear();
         let translucent = |i: &&Instrument| matches!(i.tool, Tool::Plane | Tool::Sphere);
         let sound = || instruments.iter().filter(|i| i.is_sound());
-        sound().filter(|i| !translucent(i)).for_each(|i| i.append(&mut self.corners));
+        sound().filter(|i| !translucent(i)).for_each(|i| i.append(&self.meshes, &mut self.corners));
         self.solid_corners = self.corners.len() as u32;
-        sound().filter(translucent).for_each(|i| i.append(&mut self.corners));
+        sound().filter(translucent).for_each(|i| i.append(&self.meshes, &mut self.corners));
         if self.corners.is_empty() {
             return;
         }
@@ -148,9 +153,14 @@ impl InstrumentPass {
     /// Compiles what a target needs, if there is anything to draw.
     pub fn prepare_target(&mut self, context: &Context, key: PipelineKey) {
         if !self.corners.is_empty() {
-            self.solid.prepare(context, key);
-            self.clear.prepare(context, key);
+            self.compile(context, key);
         }
+    }
+
+    /// Compiles what a target needs, whatever there is to draw.
+    pub fn compile(&mut self, context: &Context, key: PipelineKey) {
+        self.solid.prepare(context, key);
+        self.clear.prepare(context, key);
     }
 
     /// Draws the solid parts, or the translucent ones, which come after all else. Returns draws.

@@ -67,8 +67,13 @@ impl LinePass {
     /// Compiles what a target needs, if there is anything to draw.
     pub fn prepare_target(&mut self, context: &Context, key: PipelineKey) {
         if !self.records.is_empty() {
-            self.pipelines.prepare(context, key);
+            self.compile(context, key);
         }
+    }
+
+    /// Compiles what a target needs, whatever there is to draw.
+    pub fn compile(&mut self, context: &Context, key: PipelineKey) {
+        self.pipelines.prepare(context, key);
     }
 
     /// Uploads the lines of the next picture, if they differ from the last. Lines with an end that is not

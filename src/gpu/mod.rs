@@ -5,6 +5,7 @@
 pub mod allocator;
 pub mod arenas;
 pub mod belt;
+pub mod blit;
 pub mod camera;
 pub mod context;
 pub mod deform;

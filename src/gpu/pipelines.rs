@@ -80,6 +80,7 @@ impl PipelineFamily {
                 })
             });
             let pipeline = build(context, &self.shape, &self.layout, module, key);
+            context.note_pipeline();
             self.made.push((key, pipeline));
         }
     }

@@ -37,6 +37,8 @@ pub struct GpuCounters {
     pub bytes_uploaded: u64,
     /// Tissues that no view could see and that were not drawn.
     pub culled: u64,
+    /// Pipelines compiled: a hitch each, so none once a host is under way.
+    pub pipelines: u64,
 }
 
 /// What a picture shows besides the tissues.
@@ -76,6 +78,8 @@ pub struct Renderer {
     counters: GpuCounters,
     /// Bytes that the counters have seen.
     bytes_counted: u64,
+    /// Pipelines of the context that they have seen.
+    pipelines_counted: u64,
 }
 
 impl Renderer {
@@ -99,6 +103,7 @@ impl Renderer {
             free_slots: Vec::new(),
             counters: GpuCounters::default(),
             bytes_counted: 0,
+            pipelines_counted: 0,
             context,
         }
     }
@@ -110,7 +115,20 @@ impl Renderer {
 
     /// What was done since the last call.
     pub fn take_counters(&mut self) -> GpuCounters {
+        let made = self.context.pipelines_made();
+        self.counters.pipelines = made - std::mem::replace(&mut self.pipelines_counted, made);
         std::mem::take(&mut self.counters)
+    }
+
+    /// Compiles whatever drawing this many views into a target may ever need, so that no later frame has to. Errors: the target.
+    pub fn compile_for(&mut self, target: &RenderTarget<'_>, views: usize, passes: Passes) -> Result<(), GpuError> {
+        target.check(views)?;
+        let (key, _) = self.targets.prepare(&self.context, target, views, passes);
+        self.stage.prepare(&self.context, key);
+        self.tissue_pass.prepare_target(&self.context, key);
+        self.lines.compile(&self.context, key);
+        self.instruments.compile(&self.context, key);
+        self.context.check()
     }
 
     /// Brings the GPU's copy of a tissue up to date; a new key starts one (whatever `dirty` says). With nothing dirty and

@@ -94,17 +94,54 @@ pub fn scalpel(out: &mut Corners) {
     loft(&handle, 4.0, Stuff::Steel, out);
 }
 
-/// Tips around the origin, `opening` metres apart along x, joined 13 cm up +y.
-pub fn forceps(opening: f64, out: &mut Corners) {
+/// Length of the forceps, metres.
+const FORCEPS: f64 = 0.13;
+
+/// Opens forceps that were made closed: `opening` metres between the tips, none where the arms are joined.
+pub fn open_forceps(opening: f64, closed: &mut [ToolVertex]) {
+    let left = closed.len() / 2;
+    for (i, corner) in closed.iter_mut().enumerate() {
+        let side = if i < left { -0.5 } else { 0.5 };
+        corner.position[0] += (side * opening * (1.0 - f64::from(corner.position[1]) / FORCEPS)) as f32;
+    }
+}
+
+/// Every tool's mesh, made once; forceps are closed.
+#[derive(Debug)]
+pub struct ToolMeshes {
+    /// See [`scalpel`].
+    pub scalpel: Corners,
+    /// See [`forceps`].
+    pub forceps: Corners,
+    /// See [`sphere`].
+    pub sphere: Corners,
+    /// See [`sheet`].
+    pub sheet: Corners,
+}
+
+impl ToolMeshes {
+    /// Makes them.
+    pub fn new() -> Self {
+        let made = |make: fn(&mut Corners)| {
+            let mut corners = Corners::new();
+            make(&mut corners);
+            corners
+        };
+        Self { scalpel: made(scalpel), forceps: made(forceps), sphere: made(sphere), sheet: made(sheet) }
+    }
+}
+
+/// Closed tips at the origin, jaws along x, joined 13 cm up +y. The left arm comes first.
+pub fn forceps(out: &mut Corners) {
     let mm = 1e-3;
     for side in [-1.0, 1.0] {
         let arm: Vec<Section> = (0..=20)
             .map(|k| {
                 let t = f64::from(k) / 20.0;
                 let spring = 9.0 * mm * (std::f64::consts::PI * t.powf(0.8)).sin().powf(0.9);
-                let x = side * (0.5 * opening * (1.0 - t) + spring + (0.35 + 0.6 * t) * mm);
+                let x = side * (spring + (0.35 + 0.6 * t) * mm);
                 let width = 0.7 + 4.4 * (1.0 - (1.0 - t).powi(2)) - 1.2 * t.powi(6);
-                Section { middle: DVec3::new(x, 130.0 * mm * t, 0.0), half: ((0.35 + 0.45 * t) * mm, width * mm) }
+                Section { middle: DVec3::new(x, FORCEPS * t, 0.0), half: ((0.35 + 0.45 * t) * mm, width * mm) }
             })
             .collect();
         loft(&arm, 4.0, Stuff::Steel, out);
@@ -149,9 +186,12 @@ mod tests {
         assert!(tip.fold(0.0, f32::max) < 3e-4);
         for opening in [0.0, 0.01] {
             let mut arms = Corners::new();
-            forceps(opening, &mut arms);
+            forceps(&mut arms);
+            open_forceps(opening, &mut arms);
             let nearest = arms.iter().filter(|c| c.position[1] == 0.0).map(|c| c.position[0].abs());
             assert!((nearest.fold(f32::INFINITY, f32::min) - 0.5 * opening as f32).abs() < 1e-6);
+            let joined = |x: f32| arms.iter().filter(|c| c.position[1] > 0.1299).any(|c| c.position[0] * x > 0.0);
+            assert!(joined(1.0) && joined(-1.0), "both arms reach the joint");
         }
     }
 
@@ -159,7 +199,10 @@ mod tests {
     fn normals_are_unit_and_point_outwards() {
         let mut all = Corners::new();
         scalpel(&mut all);
-        forceps(0.004, &mut all);
+        forceps(&mut all);
+        let closed = all.len();
+        forceps(&mut all);
+        open_forceps(0.016, &mut all[closed..]);
         sphere(&mut all);
         let (mut agree, mut count) = (0, 0);
         for triangle in all.as_chunks::<3>().0 {

@@ -227,7 +227,7 @@ gpu_struct!(
 );
 
 /// All shaders: name and full text, `types.wgsl` in front.
-pub const SHADERS: [(&str, &str); 7] = [
+pub const SHADERS: [(&str, &str); 8] = [
     (
         "deform",
         concat!(
@@ -270,6 +270,7 @@ pub const SHADERS: [(&str, &str); 7] = [
     ),
     ("shadow", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/shadow.wgsl"))),
     ("lines", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/lines.wgsl"))),
+    ("blit", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/blit.wgsl"))),
 ];
 
 /// Full text of a shader of [`SHADERS`]; empty for an unknown name.

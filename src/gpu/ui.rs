@@ -22,6 +22,7 @@ pub struct UiFrame {
 impl UiPass {
     /// A pass into views of `format`; a format that is not sRGB gives the colours that egui means.
     pub fn new(context: &Context, format: wgpu::TextureFormat) -> Self {
+        context.note_pipeline();
         let options = egui_wgpu::RendererOptions { msaa_samples: 1, dithering: false, ..Default::default() };
         Self { renderer: egui_wgpu::Renderer::new(context.device(), format, options), free: Vec::new() }
     }

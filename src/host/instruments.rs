@@ -24,6 +24,13 @@ pub(super) struct Instruments {
 }
 
 impl Instruments {
+    /// Forgets all bodies.
+    pub(super) fn forget(&mut self, renderer: &mut Renderer) {
+        for id in std::mem::take(&mut self.known).into_keys() {
+            renderer.remove(KEY | u64::from(id));
+        }
+    }
+
     /// Brings the renderer's bodies to those of the scene.
     pub(super) fn sync(&mut self, renderer: &mut Renderer, view: &FrameView) -> Result<(), GpuError> {
         let now: BTreeMap<u32, ColliderView> = view.scene.colliders().map(|c| (c.id, c)).collect();

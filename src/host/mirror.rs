@@ -35,6 +35,14 @@ impl Mirror {
         &mut self.renderer
     }
 
+    /// Forgets everything of the scene, for another one; what was compiled stays.
+    pub fn forget(&mut self) {
+        for (id, _) in self.known.drain(..) {
+            self.renderer.remove(u64::from(id.0));
+        }
+        self.instruments.forget(&mut self.renderer);
+    }
+
     /// Begins anew on another device: the next [`Mirror::sync`] brings everything over from the scene, which has all that there
     /// is to know.
     pub fn replace_device(&mut self, context: Arc<Context>) {
@@ -94,7 +102,8 @@ impl Mirror {
     /// Hands the renderer's counters over to a frame's.
     pub fn count(&mut self, counters: &mut FrameCounters) {
         let gpu = self.renderer.take_counters();
-        (counters.dispatches, counters.draws, counters.bytes_uploaded) = (gpu.dispatches, gpu.draws, gpu.bytes_uploaded);
+        (counters.dispatches, counters.draws) = (gpu.dispatches, gpu.draws);
+        (counters.bytes_uploaded, counters.pipelines) = (gpu.bytes_uploaded, gpu.pipelines);
     }
 
     /// Largest distance between the GPU's positions and the f64 reference over all live vertices, as a fraction of the

@@ -74,7 +74,9 @@ impl Panel {
     /// Runs one frame on a surface that the panel fills, as on a board in the world.
     pub fn run_filling(&mut self, input: egui::RawInput, state: &mut PanelState) -> PanelFrame {
         self.run_with(input, |ui, actions| {
+            let free = ui.available_rect_before_wrap();
             egui::CentralPanel::default().show(ui, |ui| sections::all(ui, state, actions));
+            sections::overlays(ui, free, state);
             egui::Rect::NOTHING
         })
     }

@@ -49,7 +49,7 @@ pub fn all(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     ui.horizontal(|ui| {
         ui.heading("Incise");
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            if ui.button("Help").on_hover_text("Mouse and keys (F1)").clicked() {
+            if !state.in_room && ui.button("Help").on_hover_text("Mouse and keys (F1)").clicked() {
                 state.help = !state.help;
             }
         });
@@ -58,6 +58,9 @@ pub fn all(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         section(ui, "Model", true, |ui| model(ui, state, actions));
         section(ui, "Edits", true, |ui| edits(ui, state, actions));
+        if state.in_room {
+            section(ui, "Hands", true, |ui| hands(ui, state, actions));
+        }
         section(ui, "Blade", true, |ui| blade(ui, state, actions));
         section(ui, "Material", true, |ui| material(ui, state, actions));
         section(ui, "Animation", true, |ui| animation(ui, state, actions));
@@ -88,17 +91,11 @@ fn model(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
             }
         }
     });
+    if !state.in_room {
+        path(ui, state, actions);
+    }
     ui.horizontal(|ui| {
-        let field = egui::TextEdit::singleline(&mut state.path).hint_text("path, or drop a file").desired_width(150.0);
-        let field = ui.add(field).on_hover_text(".glb, .gltf, .obj or .stl");
-        let enter = field.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
-        let open = ui.button("Open").on_hover_text("Open the file of this name").clicked();
-        if (enter || open) && !state.path.trim().is_empty() {
-            actions.push(PanelAction::Open(state.path.trim().to_string()));
-        }
-    });
-    ui.horizontal(|ui| {
-        if ui.button("Browse...").on_hover_text("Choose a file (Ctrl+O)").clicked() {
+        if !state.in_room && ui.button("Browse...").on_hover_text("Choose a file (Ctrl+O)").clicked() {
             actions.push(PanelAction::OpenDialog);
         }
         if ui.button("Export").on_hover_text("Write the model as it is to export.glb, pieces as nodes of their own").clicked() {
@@ -113,6 +110,19 @@ fn model(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     }
 }
 
+/// A model by its file's name.
+fn path(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    ui.horizontal(|ui| {
+        let field = egui::TextEdit::singleline(&mut state.path).hint_text("path, or drop a file").desired_width(150.0);
+        let field = ui.add(field).on_hover_text(".glb, .gltf, .obj or .stl");
+        let enter = field.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
+        let open = ui.button("Open").on_hover_text("Open the file of this name").clicked();
+        if (enter || open) && !state.path.trim().is_empty() {
+            actions.push(PanelAction::Open(state.path.trim().to_string()));
+        }
+    });
+}
+
 fn edits(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     ui.horizontal(|ui| {
         let mut button = |on: bool, text: &str, hint: &str, action: PanelAction| {
@@ -123,14 +133,16 @@ fn edits(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         button(state.undo_depth > 0, "Undo", "Take the last edit back (Ctrl+Z)", PanelAction::Undo);
         button(state.redo_depth > 0, "Redo", "Do it again (Ctrl+Y)", PanelAction::Redo);
         button(state.undo_depth > 0, "Reset", "The model as it was loaded (R)", PanelAction::Reset);
-        button(true, "Frame", "Show the whole model (F)", PanelAction::Frame);
+        let (frame, hint) =
+            if state.in_room { ("To me", "Bring the model within reach") } else { ("Frame", "Show the whole model (F)") };
+        button(true, frame, hint, PanelAction::Frame);
     });
     ui.horizontal(|ui| {
         if ui.button("Screenshot").on_hover_text("Write a picture of the window (F12)").clicked() {
             actions.push(PanelAction::Screenshot);
         }
         let mut recording = state.recording;
-        if ui.checkbox(&mut recording, "Record").on_hover_text("Write a picture of every frame (F10)").changed() {
+        if !state.in_room && ui.checkbox(&mut recording, "Record").on_hover_text("Write a picture of every frame (F10)").changed() {
             actions.push(PanelAction::Record(recording));
         }
     });
@@ -139,13 +151,48 @@ fn edits(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     }
 }
 
-fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+fn hands(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    ui.horizontal(|ui| {
+        if ui.button("Swap").on_hover_text("Exchange the tools of the two hands").clicked() {
+            actions.push(PanelAction::SwapHands);
+        }
+        let mut calibrating = state.calibrating;
+        let hint = "Find the tip: rest it on a firm point, hold the trigger, turn the hand every way, let go";
+        if ui.toggle_value(&mut calibrating, "Calibrate tip").on_hover_text(hint).changed() {
+            actions.push(PanelAction::Calibrate(calibrating));
+        }
+    });
+    if state.calibrating {
+        ui.small("Rest the tip on a firm point, hold the trigger, turn the hand every way, let go.");
+    }
+    let [x, y, z] = state.config.vr.tip_offset.map(|m| 1e3 * m);
+    ui.small(format!("tip at {x:.0}, {y:.0}, {z:.0} mm from the grip"));
+    let vr = &mut state.config.vr;
+    millimetres(ui, &mut vr.reach, 0.0, 0.1, "reach", "How much deeper the scalpel goes with the trigger fully pulled");
+    ui.add(Slider::new(&mut vr.haptics, 0.0..=1.0).text("vibration")).on_hover_text("Strength of what the hands feel");
+    let mut degrees = vr.snap_turn.to_degrees();
+    let turn = Slider::new(&mut degrees, 5.0..=90.0).suffix(" deg").fixed_decimals(0).text("turn");
+    if ui.add(turn).on_hover_text("One push of the stick").changed() {
+        vr.snap_turn = degrees.to_radians();
+    }
+}
+
+/// What a pointer's blade and grab need, and hands have by themselves.
+fn pointer(ui: &mut Ui, state: &mut PanelState) {
     let [low, high] = state.depth_range;
     millimetres(ui, &mut state.depth, low, high, "depth", "How far the tip goes under the surface; the wheel while tearing");
     let mut degrees = state.tilt.to_degrees();
     let lean = Slider::new(&mut degrees, -68.0..=68.0).suffix(" deg").fixed_decimals(0).text("lean");
     if ui.add(lean).on_hover_text("Lean of the blade to the right; Shift and the wheel while tearing").changed() {
         state.tilt = degrees.to_radians();
+    }
+    let diagonal = state.diagonal;
+    millimetres(ui, &mut state.grab_radius, 0.01 * diagonal, 0.4 * diagonal, "grab", "Radius of a grab (Ctrl and drag)");
+}
+
+fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
+    if !state.in_room {
+        pointer(ui, state);
     }
     let diagonal = state.diagonal;
     let mut width = state.config.tear.width * diagonal;
@@ -167,7 +214,6 @@ fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     state.config.tear.gap = gap / diagonal;
     let time = Slider::new(&mut state.config.tear.opening_time, 0.0..=3.0).suffix(" s").text("opens in");
     changed |= ui.add(time).on_hover_text("Seconds until a wound stands open").changed();
-    millimetres(ui, &mut state.grab_radius, 0.01 * diagonal, 0.4 * diagonal, "grab", "Radius of a grab (Ctrl and drag)");
     if changed {
         actions.push(PanelAction::SettingsChanged);
     }
@@ -296,7 +342,7 @@ fn timing(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         });
     }
     let mut vsync = state.vsync;
-    if ui.checkbox(&mut vsync, "Wait for the display").on_hover_text("Vertical synchronisation").changed() {
+    if !state.in_room && ui.checkbox(&mut vsync, "Wait for the display").on_hover_text("Vertical synchronisation").changed() {
         actions.push(PanelAction::Vsync(vsync));
     }
     ui.small(&state.adapter);
@@ -346,7 +392,7 @@ pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
             .id(egui::Id::unique("notice"))
             .collapsible(false)
             .resizable(false)
-            .default_width(420.0)
+            .default_width(420f32.min((free.width() - 64.0).max(120.0)))
             .fixed_pos(free.left_top() + egui::vec2(16.0, 16.0))
             .show(ui.ctx(), |ui| {
                 let colour = if notice.error { Color32::from_rgb(240, 130, 110) } else { ui.visuals().text_color() };

@@ -34,7 +34,7 @@ pub enum PanelAction {
     Redo,
     /// All edits back.
     Reset,
-    /// The camera back.
+    /// The camera back, or the model within reach.
     Frame,
     /// The model as it is, into a file.
     Export,
@@ -46,6 +46,10 @@ pub enum PanelAction {
     Record(bool),
     /// Frames with the display's clock, or as many as there can be.
     Vsync(bool),
+    /// The tools of the two hands exchanged.
+    SwapHands,
+    /// The tip of the instrument is to be found anew by turning it about a point, or no longer.
+    Calibrate(bool),
 }
 
 /// Something to be told.
@@ -73,6 +77,10 @@ pub struct TimingRow {
 pub struct PanelState {
     /// The panel is shown.
     pub open: bool,
+    /// The panel stands in a room and there are two hands; else it is part of a window, beside a mouse and keys.
+    pub in_room: bool,
+    /// The tip of the instrument is being calibrated.
+    pub calibrating: bool,
     /// The table of keys is shown.
     pub help: bool,
     /// Bundled models.
@@ -137,6 +145,8 @@ impl Default for PanelState {
     fn default() -> Self {
         Self {
             open: true,
+            in_room: false,
+            calibrating: false,
             help: false,
             bundled: Vec::new(),
             model: String::new(),

@@ -123,6 +123,11 @@ impl Scene {
         self.animation = animation;
     }
 
+    /// The animation that plays, by index into the rig.
+    pub fn animation(&self) -> Option<usize> {
+        self.animation
+    }
+
     /// Poses every tissue at `time_s` on the scene's clock; `animation_time_s` is looped over the animation's length.
     pub fn pose(&mut self, time_s: f64, animation_time_s: f64) {
         for tissue in self.tissues.values_mut() {

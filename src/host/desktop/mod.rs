@@ -6,40 +6,14 @@ mod screen;
 mod session;
 mod window;
 
+pub use super::has_display;
+pub use super::models::{Export, Load, Loaded, Request};
 pub use record::{FrameNote, StrokeNote, StrokeSample};
 
 use crate::config::Config;
 use crate::gpu::GpuError;
-use crate::scene::Scene;
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::PathBuf;
 use std::time::Instant;
-
-/// A model that the user wants to see.
-#[derive(Clone, Debug)]
-pub struct Request {
-    /// A file or a bundled name.
-    pub model: String,
-    /// The settings as they are now.
-    pub config: Config,
-    /// Spacing of the particles, metres, where the user has set one.
-    pub spacing: Option<f64>,
-}
-
-/// A model that is ready.
-pub struct Loaded {
-    /// With particles, at rest.
-    pub scene: Scene,
-    /// What to call it: the request's words.
-    pub name: String,
-    /// What the user should know of it.
-    pub warnings: Vec<String>,
-}
-
-/// Loads a model; the error names the remedy. Called on another thread.
-pub type Load = Arc<dyn Fn(&Request) -> Result<Loaded, String> + Send + Sync>;
-/// Writes a scene to a file.
-pub type Export = fn(&Scene, &Path) -> Result<(), String>;
 
 /// What a window is given.
 pub struct Setup {
@@ -107,10 +81,4 @@ pub enum DesktopError {
 /// its adapter fails for good.
 pub fn run(setup: Setup, first: Loaded) -> Result<DesktopRun, DesktopError> {
     window::run(setup, first)
-}
-
-/// True if there seems to be a display: what plain `incise` decides by.
-pub fn has_display() -> bool {
-    let set = |name: &str| std::env::var_os(name).is_some_and(|v| !v.is_empty());
-    cfg!(not(all(unix, not(target_os = "macos")))) || ["WAYLAND_DISPLAY", "WAYLAND_SOCKET", "DISPLAY"].into_iter().any(set)
 }

@@ -3,17 +3,15 @@
 
 use super::record::{FrameNote, StrokeNote};
 use super::{Loaded, Request, Setup};
+use crate::host::models::{self, Loader};
 use crate::app::{App, FrameReport};
 use crate::gpu::{Bounds, Camera};
 use crate::host::headless::visible_bounds;
 use crate::input::tools::{OrbitCamera, PointerTools, Preview, ToolSettings};
 use crate::input::{CameraPose, InputFrame};
 use crate::panel::{PanelAction, PanelState, TimingRow};
-use crate::physics::NetworkSettings;
-use crate::scene::{EditCommand, EditReport, TissueId};
+use crate::scene::{EditCommand, EditReport};
 use glam::DVec3;
-use std::path::PathBuf;
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
 /// Longest step, seconds: a slow frame slows the scene down rather than tearing it apart.
@@ -47,7 +45,7 @@ pub struct Session {
     /// Everything on the GPU is of a scene that is gone.
     pub scene_changed: bool,
     setup: Setup,
-    loading: Option<Receiver<Result<Loaded, String>>>,
+    loader: Loader,
     wake: Box<dyn Fn() -> Box<dyn FnOnce() + Send>>,
     input: InputFrame,
     time_s: f64,
@@ -78,7 +76,7 @@ impl Session {
             wishes: Vec::new(),
             scene_changed: true,
             setup,
-            loading: None,
+            loader: Loader::default(),
             wake,
             input: InputFrame::default(),
             time_s: 0.0,
@@ -240,14 +238,7 @@ impl Session {
     }
 
     fn count(&mut self) {
-        let mut counts = [0; 4];
-        for (_, tissue) in self.app.scene.tissues() {
-            counts[0] += tissue.mesh().live_vertices().count();
-            counts[1] += tissue.mesh().face_count();
-            counts[2] += tissue.layer().map_or(0, |l| l.map.anchors.iter().filter(|a| a.is_some()).count());
-            counts[3] += 1;
-        }
-        self.panel.counts = counts;
+        self.panel.counts = models::counts(&self.app.scene);
     }
 
     /// Carries out what the panel, a key or a dropped file asks for.
@@ -256,7 +247,7 @@ impl Session {
         match action {
             PanelAction::Open(spec) => self.load(spec, None),
             PanelAction::Regenerate => self.load(self.panel.model.clone(), self.panel.spacing),
-            PanelAction::Material(_) | PanelAction::SettingsChanged => self.apply_settings(),
+            PanelAction::Material(_) | PanelAction::SettingsChanged => models::apply_settings(&mut self.app, &mut self.panel),
             PanelAction::Animate(animation) => {
                 self.panel.animation = animation;
                 self.app.scene.set_animation(animation);
@@ -279,10 +270,11 @@ impl Session {
             PanelAction::Redo => self.command(EditCommand::Redo),
             PanelAction::Reset => self.command(EditCommand::Reset),
             PanelAction::Frame => self.frame_model(size),
-            PanelAction::Export => self.export(),
-            PanelAction::SaveConfig => self.save_config(),
+            PanelAction::Export => models::export(&self.app.scene, self.setup.export, &mut self.panel),
+            PanelAction::SaveConfig => models::save_config(&self.setup.config_file, &mut self.panel),
             PanelAction::Screenshot => self.wishes.push(Wish::Screenshot),
             PanelAction::Record(on) => self.panel.recording = on,
+            PanelAction::SwapHands | PanelAction::Calibrate(_) => {} // a mouse has neither
             PanelAction::OpenDialog => self.wishes.push(Wish::OpenDialog),
             PanelAction::Vsync(on) => {
                 self.panel.vsync = on;
@@ -299,94 +291,20 @@ impl Session {
         settings.width = panel.config.tear.width * panel.diagonal;
     }
 
-    /// Springs, wounds and walls as the settings have them, on what is there.
-    fn apply_settings(&mut self) {
-        let config = &self.panel.config;
-        let preset = config.dynamics.active();
-        let network =
-            NetworkSettings { frequency_hz: preset.frequency, damping_ratio: preset.damping, coupling: preset.coupling };
-        self.app.scene.set_wall(config.tear.wall);
-        let ids: Vec<TissueId> = self.app.scene.tissues().map(|(id, _)| id).collect();
-        let mut refused = None;
-        for id in ids {
-            let Some(layer) = self.app.scene.tissue_mut(id).and_then(|t| t.layer_mut()) else { continue };
-            layer.settings.wound.gap = config.tear.gap * self.panel.diagonal;
-            layer.opening_s = config.tear.opening_time;
-            refused = layer.network.set_settings(network).err().or(refused);
-        }
-        if let Some(why) = refused {
-            self.panel.fail(format!("{why}; the springs stay as they were"));
-        }
-    }
-
     fn load(&mut self, spec: String, spacing: Option<f64>) {
-        if self.loading.is_some() {
-            self.panel.tell("A model is being loaded already; try again when it is there.");
-            return;
-        }
-        let request = Request { model: spec.clone(), config: self.panel.config.clone(), spacing };
-        let (sender, receiver) = channel();
-        let (load, wake) = (self.setup.load.clone(), (self.wake)());
-        let begun = std::thread::Builder::new().name("loader".into()).spawn(move || {
-            drop(sender.send(load(&request)));
-            wake();
-        });
-        match begun {
-            Ok(_) => {
-                self.panel.loading = Some(format!("loading {spec}"));
-                self.loading = Some(receiver);
-            }
-            Err(why) => self.panel.fail(format!("cannot load {spec}: {why}; close other programs and try again")),
-        }
+        let request = Request { model: spec, config: self.panel.config.clone(), spacing };
+        self.loader.begin(&self.setup.load, request, (self.wake)(), &mut self.panel);
     }
 
     /// Takes a model that has been loaded meanwhile. A broken one leaves the current one in place.
     pub fn take_loaded(&mut self, size: [f64; 2]) {
-        let Some(receiver) = &self.loading else { return };
-        let result = match receiver.try_recv() {
-            Err(TryRecvError::Empty) => return,
-            Err(TryRecvError::Disconnected) => Err("the loader broke off; this model cannot be used".to_string()),
-            Ok(result) => result,
-        };
-        self.loading = None;
-        self.panel.loading = None;
-        self.dirty = true;
-        match result {
-            Err(why) => self.panel.fail(format!("{why}\n\nThe model that was there stays.")),
-            Ok(Loaded { scene, name, warnings }) => {
-                self.input = InputFrame::default();
-                self.app = App::new(scene, 1.0, self.setup.allocations);
-                self.time_s = 0.0;
-                self.panel.notice = None;
-                if !warnings.is_empty() {
-                    self.panel.tell(warnings.join("\n"));
-                }
-                self.begin(name, size);
-            }
-        }
-    }
-
-    fn export(&mut self) {
-        let file = PathBuf::from("export.glb");
-        match (self.setup.export)(&self.app.scene, &file) {
-            Ok(()) => self.panel.tell(format!("Written: {}", file.display())),
-            Err(why) => self.panel.fail(why),
-        }
-    }
-
-    fn save_config(&mut self) {
-        let file = self.setup.config_file.clone();
-        let particles = &mut self.panel.config.particles;
-        if self.panel.spacing.is_some() {
-            particles.count = (self.panel.counts[2] as u32).max(1);
-        }
-        let written = self.panel.config.validate().map_err(|e| e.to_string()).and_then(|()| {
-            let text = toml::to_string_pretty(&self.panel.config).map_err(|e| e.to_string())?;
-            std::fs::write(&file, text).map_err(|e| e.to_string())
-        });
-        match written {
-            Ok(()) => self.panel.tell(format!("Written: {}", file.display())),
-            Err(why) => self.panel.fail(format!("cannot write {}: {why}; start Incise where you may write", file.display())),
+        let (loaded, answered) = self.loader.take(&mut self.panel);
+        self.dirty |= answered;
+        if let Some(Loaded { scene, name, .. }) = loaded {
+            self.input = InputFrame::default();
+            self.app = App::new(scene, 1.0, self.setup.allocations);
+            self.time_s = 0.0;
+            self.begin(name, size);
         }
     }
 }

@@ -36,7 +36,7 @@ pub struct Board {
     pub state: PanelState,
     place: Option<Pose>,
     pointed: Option<Pointed>,
-    /// Made when it is first opened.
+    /// The session's: see [`Board::prepare`].
     picture: Option<(Images, UiPass)>,
     drawn: bool,
 }
@@ -62,10 +62,23 @@ impl Board {
         self.place.is_some()
     }
 
+    /// Makes what it is drawn with, at the start of a session: opening it later compiles nothing.
+    pub fn prepare(&mut self, session: &xr::Session<xr::Vulkan>, context: &Context) -> Result<(), VrError> {
+        if self.picture.is_none() {
+            let size = POINTS.map(|p| (p * SHARPNESS) as u32);
+            let images = Images::new(session, context, (size[0], size[1]), 1)?;
+            let ui = UiPass::new(context, images.format());
+            self.picture = Some((images, ui));
+        }
+        Ok(())
+    }
+
     /// Forgets what belongs to a session that is over.
     pub fn end_session(&mut self) {
         self.picture = None;
         self.drawn = false;
+        // The glyphs that were uploaded are gone, too, and a new panel uploads its own.
+        self.panel = Panel::new();
     }
 
     /// Which hands point at it.
@@ -91,15 +104,8 @@ impl Board {
         };
         self.pointed = now;
         let frame = self.panel.run_pointer(POINTS, now.map(|p| p.at), press, &mut self.state);
-        let (images, ui) = match &mut self.picture {
-            Some(picture) => picture,
-            none => {
-                let size = POINTS.map(|p| (p * SHARPNESS) as u32);
-                let images = Images::new(session, context, (size[0], size[1]), 1)?;
-                let ui = UiPass::new(context, images.format());
-                none.insert((images, ui))
-            }
-        };
+        self.prepare(session, context)?;
+        let Some((images, ui)) = &mut self.picture else { return Ok(frame.actions) };
         let index = images.acquire()?;
         let view = images.texture(index).create_view(&wgpu::TextureViewDescriptor::default());
         let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("board") });

@@ -8,6 +8,7 @@
 //!
 //! Poses come in the room and leave in model space. A gesture that has begun goes on whatever the model does.
 
+use super::calibrate::{Pivot, Tip};
 use super::haptics::Felt;
 use super::input::{Hand, HandsInput};
 use super::space::{Placement, Pose, SnapTurn};
@@ -70,17 +71,21 @@ struct Grip {
     squeezes: bool,
 }
 
-/// What is drawn of a hand, model space.
+/// What a hand holds and where, model space.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Instrument {
+pub struct Held {
     /// What it is.
     pub tool: Tool,
     /// Its working end.
     pub tip: DVec3,
-    /// The other end.
+    /// Towards its other end: behind the fingers.
     pub base: DVec3,
+    /// Unit, where a blade's edge points: down, in a hand held level.
+    pub edge: DVec3,
     /// How far it is closed: 0 to 1.
     pub closed: f64,
+    /// Fingers alone, without an instrument.
+    pub bare: bool,
 }
 
 /// A frame's outcome.
@@ -89,13 +94,15 @@ pub struct HandsOutput {
     /// Edits, in order.
     pub commands: Vec<EditCommand>,
     /// What is in the hands.
-    pub instruments: [Option<Instrument>; 2],
+    pub held: [Option<Held>; 2],
     /// The plane that would be cut: a point and its unit normal, model space.
     pub plane: Option<(DVec3, DVec3)>,
     /// Contacts; what was torn and severed is known after the edits.
     pub felt: Felt,
     /// The hand that edits, for whom tearing is felt.
     pub editing: Option<usize>,
+    /// What came of a calibration that has just ended; a sentence where no tip was found.
+    pub calibrated: Option<Result<Tip, String>>,
 }
 
 /// What a frame's hands work on.
@@ -125,6 +132,8 @@ pub struct Hands {
     plane_tool: bool,
     /// Places of the hands when they last began to hold the model, and the model's place then.
     held_from: Option<(Placement, [Option<DVec3>; 2])>,
+    /// Poses of the scalpel's hand while its tip is being calibrated.
+    pivot: Option<Pivot>,
     time_s: f64,
 }
 
@@ -154,6 +163,7 @@ impl Hands {
             snap: [SnapTurn::default(); 2],
             plane_tool: false,
             held_from: None,
+            pivot: None,
             time_s: 0.0,
         }
     }
@@ -169,9 +179,22 @@ impl Hands {
         self.held_from = None;
     }
 
-    /// Changes the width of tears to come, a fraction of the model's diagonal.
-    pub fn set_tear_width(&mut self, tear_width: f64) {
+    /// Changes the width of tears to come, a fraction of the model's diagonal, and the instruments' settings. Which hand holds
+    /// what stays as it is.
+    pub fn set_settings(&mut self, settings: &VrSettings, tear_width: f64) {
+        self.settings = *settings;
         self.tear_width = tear_width;
+    }
+
+    /// From the grip to the instrument's tip, metres, in the hand's own frame.
+    pub fn tip_offset(&self) -> [f64; 3] {
+        self.settings.tip_offset
+    }
+
+    /// Begins to calibrate the tip, or gives it up: while it lasts, the scalpel's trigger gathers poses and tears nothing.
+    pub fn calibrate(&mut self, on: bool, out: &mut Vec<EditCommand>) {
+        self.put_down(out);
+        self.pivot = on.then(Pivot::default);
     }
 
     /// The tool of a hand.
@@ -209,11 +232,19 @@ impl Hands {
     /// One frame.
     pub fn frame(&mut self, input: &HandsInput, around: &Around, out: &mut HandsOutput) {
         out.commands.clear();
-        (out.instruments, out.plane, out.felt, out.editing) = ([None; 2], None, Felt::default(), None);
+        (out.held, out.plane, out.felt, out.editing) = ([None; 2], None, Felt::default(), None);
+        out.calibrated = None;
         self.time_s += around.step_s;
         self.buttons(input, around, out);
         for hand in 0..2 {
-            let state = if around.on_panel[hand] { Hand { tear: 0.0, ..input.hands[hand] } } else { input.hands[hand] };
+            let mut state = input.hands[hand];
+            if around.on_panel[hand] {
+                state.tear = 0.0;
+            }
+            if self.grips[hand].tool == Tool::Scalpel && self.pivot.is_some() {
+                self.turn_about_tip(&state, out);
+                state.tear = 0.0;
+            }
             self.hand(hand, &state, around, out);
         }
         self.move_model(&input.hands, around.head);
@@ -245,9 +276,10 @@ impl Hands {
         let grab = self.grips[hand].grab.update(state.grab);
         let blade = state.grip.map(|grip| self.blade(&grip, state, tool));
         let grip_point = state.grip.map(|grip| self.placement.to_model(grip.position));
-        out.instruments[hand] = blade.map(|b| {
+        out.held[hand] = blade.zip(state.grip).map(|(b, grip)| {
             let closed = if tool == Tool::Forceps { state.tear.max(state.grab) } else { state.tear };
-            Instrument { tool, tip: b.tip, base: b.base, closed }
+            let edge = self.placement.pose_to_model(&grip).rotation * DVec3::NEG_Y;
+            Held { tool, tip: b.tip, base: b.base, edge, closed, bare: state.bare }
         });
         let near =
             blade.zip(grip_point).is_some_and(|(blade, grip)| [blade.tip, grip].iter().any(|&p| within(p, bounds, NEAR * room)));
@@ -288,6 +320,23 @@ impl Hands {
                 }
                 self.fist(hand, grip_point, state, squeezes, &mut out.commands);
             }
+        }
+    }
+
+    /// Gathers poses while the trigger is held; the calibration ends when it is let go.
+    fn turn_about_tip(&mut self, state: &Hand, out: &mut HandsOutput) {
+        let Some(pivot) = &mut self.pivot else { return };
+        match state.grip.filter(|_| state.tear > PULLED.0) {
+            Some(grip) => pivot.add(&grip),
+            None if pivot.count() > 0 => {
+                let found = pivot.tip();
+                if let Ok(tip) = found {
+                    self.settings.tip_offset = tip.offset.to_array();
+                }
+                out.calibrated = Some(found);
+                self.pivot = None;
+            }
+            None => {}
         }
     }
 

@@ -216,3 +216,35 @@ fn undo_ends_the_stroke_and_takes_it_back() {
     desk.frame();
     assert_eq!(desk.scene.edit_hash(), hash);
 }
+
+#[test]
+fn a_tip_is_calibrated_by_turning_about_it_and_nothing_is_torn_meanwhile() {
+    let mut desk = Desk::new(VrSettings::default());
+    let offset = DVec3::new(0.01, -0.02, -0.17);
+    let mut commands = Vec::new();
+    desk.hands.calibrate(true, &mut commands);
+    // The point lies in the sphere: a blade would tear there.
+    let point = desk.hands.placement().to_world(DVec3::new(0.0, 0.0, 0.45));
+    let mut found = None;
+    for i in 0..150 {
+        let t = 0.08 * f64::from(i);
+        let rotation = DQuat::from_euler(glam::EulerRot::YXZ, 0.5 * t.sin(), 0.5 * (1.3 * t).sin(), 0.5 * (0.7 * t).cos());
+        desk.input.hands[1].grip = Some(Pose { position: point - rotation * offset, rotation });
+        desk.input.hands[1].tear = if i < 140 { 1.0 } else { 0.0 };
+        desk.frame();
+        found = found.or(desk.output.calibrated.clone());
+    }
+    let tip = found.expect("it has ended").expect("found");
+    assert!(tip.offset.distance(offset) < 1e-6 && desk.reports.is_empty(), "{tip:?} {:?}", desk.outcomes());
+    let held = desk.output.held[1].expect("tracked");
+    assert!(desk.hands.placement().to_world(held.tip).distance(point) < 1e-6, "the tip is where the point is");
+    desk.tip(1, DVec3::new(0.0, 0.0, 0.45));
+    desk.hands.calibrate(true, &mut commands);
+    for tear in [1.0, 1.0, 0.0] {
+        desk.input.hands[1].tear = tear;
+        desk.frame();
+    }
+    assert!(desk.output.calibrated.as_ref().is_some_and(Result::is_err), "a hand that did not turn");
+    desk.stroke(1, 1.0);
+    assert_eq!(desk.outcomes(), ["torn"], "afterwards the trigger tears again");
+}

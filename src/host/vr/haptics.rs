@@ -36,6 +36,11 @@ impl Haptics {
         Self { strength, touched: [false; 2], fired: 0 }
     }
 
+    /// Another strength, 0 to 1.
+    pub fn set_strength(&mut self, strength: f64) {
+        self.strength = strength;
+    }
+
     /// The pulse of each hand in this frame: the strongest of what it feels. Contact is felt when it begins.
     pub fn frame(&mut self, felt: Felt) -> [Option<Pulse>; 2] {
         let mut pulses = [None; 2];

@@ -12,7 +12,7 @@ use crate::app::{FrameCounters, FrameTarget, FrameView};
 use crate::config::VrSettings;
 use crate::diagnostics::Stages;
 use crate::gpu::readback::read_texture;
-use crate::gpu::{Bounds, DrawOptions, Fov, LineSegment, RenderTarget, Scenery, ViewPose, ViewSet, VisibilityMask};
+use crate::gpu::{Bounds, DrawOptions, Fov, Instrument, LineSegment, Passes, RenderTarget, Scenery, ViewPose, ViewSet, VisibilityMask};
 use crate::host::mirror::Mirror;
 use openxr as xr;
 
@@ -94,7 +94,19 @@ impl Headset {
             refresh_hz,
         };
         headset.load_masks();
+        headset.compile()?;
         Ok(headset)
+    }
+
+    /// Compiles all that the eyes will ever need, before there is a frame to be late for.
+    fn compile(&mut self) -> Result<(), VrError> {
+        let Some(images) = &self.images else { return Ok(()) };
+        Ok(self.mirror.renderer_mut().compile_for(&RenderTarget::new(images.target(0)), 2, Passes::Auto)?)
+    }
+
+    /// Another scene: nothing that was drawn is of use any more.
+    pub fn forget_scene(&mut self) {
+        self.mirror.forget();
     }
 
     /// Name of the graphics card.
@@ -308,7 +320,9 @@ pub struct EyeTarget<'a> {
     pub render: bool,
     /// Where the model stands.
     pub placement: Placement,
-    /// Instruments and plane, model space.
+    /// What the hands hold, and the plane of a cut, model space.
+    pub instruments: &'a [Instrument],
+    /// The pointer's ray, model space.
     pub lines: &'a [LineSegment],
     /// Keeps the pictures of this frame.
     pub capture: bool,
@@ -350,7 +364,8 @@ impl EyeTarget<'_> {
                 &all
             }
         };
-        let options = DrawOptions { lines, scenery: scenery(view.scene), ..DrawOptions::default() };
+        let instruments = self.instruments;
+        let options = DrawOptions { lines, instruments, scenery: scenery(view.scene), ..DrawOptions::default() };
         let Headset { mirror, images, graphics, masks, .. } = &mut *self.headset;
         let Some(images) = images else { return Ok(()) };
         let context = graphics.context.clone();

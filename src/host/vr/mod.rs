@@ -7,15 +7,19 @@
 //! | [`lifecycle`] | the session's states and what they ask for |
 //! | [`bindings`], [`input`] | the action set, its bindings, what the hands do |
 //! | [`hands`], [`haptics`] | tools in the hands, what the hands feel |
+//! | [`drawn`], [`calibrate`] | the tools as they are drawn; where their tips are |
 //! | [`space`] | where the model stands; scaling, turning, snap turns |
-//! | [`board`] | the panel on a board in the room |
+//! | [`board`], [`desk`] | the panel on a board in the room; what it asks for is carried out |
 //! | `headset` | one session: swapchain, spaces, a frame |
 //! | [`mod@run`] | the loop over frames and sessions |
 //! | [`lockstep`] | a test driver's hold on the loop |
 
 pub mod bindings;
 pub mod board;
+pub mod calibrate;
 pub mod clock;
+pub mod desk;
+pub mod drawn;
 pub mod error;
 pub mod hands;
 pub mod haptics;

@@ -2,10 +2,11 @@
 //!
 //! A frame: wait -> actions -> begin -> hands and head -> app (edits, step) -> late eyes, draw -> end.
 
-use super::board::Board;
 use super::clock::StepClock;
+use super::desk::{Desk, Work};
+use super::drawn;
 use super::error::VrError;
-use super::hands::{Around, Hands, HandsOutput, Tool};
+use super::hands::{Around, Hands, HandsOutput};
 use super::haptics::Haptics;
 use super::headset::{Capture, EyeTarget, Headset};
 use super::input::HandsInput;
@@ -15,15 +16,14 @@ use super::space::{Placement, Pose};
 use crate::app::{App, FrameCounters, FrameReport, FrameTarget};
 use crate::config::{Config, VrSettings};
 use crate::diagnostics::Stages;
-use crate::formats::BUNDLED;
-use crate::gpu::LineSegment;
+use crate::gpu::{Instrument, LineSegment};
 use crate::host::headless::visible_bounds;
+use crate::host::models::{Export, Load};
 use crate::input::InputFrame;
-use crate::panel::{PanelAction, PanelState};
-use crate::physics::NetworkSettings;
-use crate::scene::{EditCommand, Outcome, TissueId};
+use crate::scene::{EditCommand, Outcome};
 use glam::DVec3;
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 pub use super::headset::Capture as EyePictures;
@@ -36,10 +36,18 @@ const COMES_BACK: Duration = Duration::from_secs(3);
 const STANDING: Pose = Pose { position: DVec3::new(0.0, 1.6, 0.0), rotation: glam::DQuat::IDENTITY };
 
 /// How to run.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone)]
 pub struct VrOptions {
     /// The configuration.
     pub config: Config,
+    /// Where the panel saves the settings.
+    pub config_file: PathBuf,
+    /// How the panel opens models; none if it cannot.
+    pub load: Option<Load>,
+    /// How it writes them.
+    pub export: Option<Export>,
+    /// Counts heap allocations so far.
+    pub allocations: fn() -> u64,
     /// The model's name, for the panel.
     pub model: String,
     /// Leave after this many frames that were seen.
@@ -85,7 +93,9 @@ pub struct VrOutcome {
     pub tips: Vec<DVec3>,
     /// The last pictures that the driver asked for.
     pub pictures: Option<Capture>,
-    /// Instruments of those pictures.
+    /// The instruments in those pictures.
+    pub instruments: Vec<Instrument>,
+    /// The pointer's ray in those pictures.
     pub lines: Vec<LineSegment>,
 }
 
@@ -113,8 +123,8 @@ pub fn run(app: &mut App, options: &VrOptions, outcome: &mut VrOutcome) -> Resul
             Err(error) => return Err(error),
         };
         tracing::warn!("{why}; waiting for it to come back");
-        if let Some(board) = &mut user.board {
-            board.end_session();
+        if let Some(desk) = &mut user.desk {
+            desk.board.end_session();
         }
         drop(headset);
         headset = reopen(&options.config.vr).ok_or(why)?;
@@ -137,7 +147,7 @@ fn reopen(settings: &VrSettings) -> Option<Headset> {
 /// The user, over all sessions.
 struct User {
     hands: Option<Hands>,
-    board: Option<Board>,
+    desk: Option<Desk>,
     haptics: Haptics,
     clock: StepClock,
     lockstep: Option<Lockstep>,
@@ -145,6 +155,7 @@ struct User {
     leaving: bool,
     output: HandsOutput,
     frame: InputFrame,
+    instruments: Vec<Instrument>,
     lines: Vec<LineSegment>,
 }
 
@@ -152,7 +163,7 @@ impl User {
     fn new(options: &VrOptions) -> Self {
         Self {
             hands: None,
-            board: None,
+            desk: None,
             haptics: Haptics::new(options.config.vr.haptics),
             clock: StepClock::default(),
             lockstep: None,
@@ -160,6 +171,7 @@ impl User {
             leaving: false,
             output: HandsOutput::default(),
             frame: InputFrame::default(),
+            instruments: Vec::new(),
             lines: Vec::new(),
         }
     }
@@ -184,6 +196,8 @@ fn session(
     outcome: &mut VrOutcome,
 ) -> Result<Ended, VrError> {
     describe(headset, outcome);
+    let desk = user.desk.get_or_insert_with(|| Desk::new(app, options, headset.adapter()));
+    desk.board.prepare(&headset.session, &headset.context())?;
     loop {
         match headset.poll()? {
             Order::Leave => return Ok(Ended::Left),
@@ -214,7 +228,7 @@ fn session(
         } else {
             frame(headset, app, user, &state, capture, options, outcome)?
         };
-        headset.end(&state, shown.as_ref(), user.board.as_ref().filter(|b| b.is_open()))?;
+        headset.end(&state, shown.as_ref(), user.desk.as_ref().map(|d| &d.board).filter(|b| b.is_open()))?;
         *(if shown.is_some() { &mut outcome.drawn } else { &mut outcome.undrawn }) += 1;
         outcome.nonsense_periods = user.clock.nonsense();
         if options.frames.is_some_and(|most| outcome.drawn + outcome.undrawn >= most) && !user.leaving {
@@ -273,7 +287,7 @@ fn look_only(
 ) -> Result<Option<super::headset::Shown>, VrError> {
     let (low, high) = visible_bounds(app);
     let placement = user.hands.as_ref().map_or_else(|| Placement::within_reach(low, high, &STANDING), |h| *h.placement());
-    let mut target = eye_target(headset, state, placement, &[], false);
+    let mut target = eye_target(headset, state, placement, (&[], &[]), false);
     target.present(&app.view(), &mut Stages::default(), &mut FrameCounters::default())?;
     Ok(target.shown)
 }
@@ -282,7 +296,7 @@ fn eye_target<'a>(
     headset: &'a mut Headset,
     state: &openxr::FrameState,
     placement: Placement,
-    lines: &'a [LineSegment],
+    (instruments, lines): (&'a [Instrument], &'a [LineSegment]),
     capture: bool,
 ) -> EyeTarget<'a> {
     EyeTarget {
@@ -290,6 +304,7 @@ fn eye_target<'a>(
         time: state.predicted_display_time,
         render: state.should_render,
         placement,
+        instruments,
         lines,
         capture,
         shown: None,
@@ -320,30 +335,41 @@ fn frame(
     });
     let mut pointer = None;
     user.frame.commands.clear();
+    user.frame.show.clear();
+    let Some(desk) = &mut user.desk else { return Ok(None) };
     if headset.life.listens() {
         let input = headset.hands(time)?;
+        let mut work = Work { app: &mut *app, hands: &mut *hands, head: &head, options, frame: &mut user.frame };
+        let (on_panel, changed) = desk.frame(headset, &input, &mut work)?;
+        if changed {
+            user.time_s = 0.0;
+        }
         let seen = headset.bounds();
         let bounds = if seen.is_empty() { visible_bounds(app) } else { (seen.min, seen.max) };
-        user.frame.show.clear();
-        let on_panel = point(headset, app, &mut user.board, hands, &input, &head, options, &mut user.frame)?;
         let around = Around { scene: &app.scene, bounds, head: &head, on_panel, step_s };
         hands.frame(&input, &around, &mut user.output);
         user.output.commands.append(&mut user.frame.commands);
-        pointer = user.board.as_ref().and_then(|b| b.ray(&input.hands));
+        if let Some(found) = user.output.calibrated.take() {
+            desk.calibrated(hands, found);
+        }
+        user.haptics.set_strength(desk.board.state.config.vr.haptics);
+        pointer = desk.board.ray(&input.hands);
     } else {
         // The runtime's own menu is open: the scene goes on, the hands are the menu's.
+        user.output = HandsOutput { commands: std::mem::take(&mut user.output.commands), ..HandsOutput::default() };
         user.output.commands.clear();
         hands.put_down(&mut user.output.commands);
-        (user.output.instruments, user.output.plane) = ([None; 2], None);
         drop(headset.hands(time).map(|_: HandsInput| ()));
     }
     let placement = *hands.placement();
     outcome.placement = Some(placement);
-    instrument_lines(&user.output, placement.length_to_model(1.0), &mut user.lines);
+    drawn::instruments(&user.output, placement.length_to_model(1.0), &mut user.instruments);
+    user.lines.clear();
     if let Some(ray) = pointer {
         let [a, b] = ray.map(|p| placement.to_model(p));
         user.lines.push(LineSegment::new(a, b, RAY));
     }
+    let step_s = desk.step(step_s);
     user.time_s += step_s;
     user.frame.time_s = user.time_s;
     user.frame.step_s = step_s;
@@ -354,102 +380,26 @@ fn frame(
             _ => None,
         }));
     }
-    let mut target = eye_target(headset, state, placement, &user.lines, capture);
+    let asked = desk.wants_picture();
+    let mut target = eye_target(headset, state, placement, (&user.instruments, &user.lines), capture || asked);
     let report = app.frame(&user.frame, &mut target)?;
     let EyeTarget { shown, captured, changes, .. } = target;
     feel(headset, user, &report, changes, outcome)?;
-    if let Some(pictures) = captured {
-        outcome.pictures = Some(pictures);
-        outcome.lines.clone_from(&user.lines);
+    if let Some(desk) = &mut user.desk {
+        desk.note(app, &report);
+        if let Some(pictures) = captured.as_ref().filter(|_| asked) {
+            desk.write_picture(pictures);
+        }
     }
-    if let Some(board) = user.board.as_mut().filter(|b| b.is_open()) {
-        board.state.note_frame(report.stages);
-        (board.state.undo_depth, board.state.redo_depth) = (app.scene.undo_depth(), app.scene.redo_depth());
+    if let Some(pictures) = captured.filter(|_| capture) {
+        outcome.pictures = Some(pictures);
+        outcome.instruments.clone_from(&user.instruments);
+        outcome.lines.clone_from(&user.lines);
     }
     if options.keep_reports {
         outcome.reports.push(report);
     }
     Ok(shown)
-}
-
-/// Opens, closes and runs the board; what it asks for goes into the frame. Returns the hands that point at it.
-#[allow(clippy::too_many_arguments)]
-fn point(
-    headset: &Headset,
-    app: &mut App,
-    board: &mut Option<Board>,
-    hands: &mut Hands,
-    input: &HandsInput,
-    head: &Pose,
-    options: &VrOptions,
-    frame: &mut InputFrame,
-) -> Result<[bool; 2], VrError> {
-    if input.menu {
-        board.get_or_insert_with(|| Board::new(panel_state(app, options, headset.adapter()))).toggle(head);
-    }
-    let Some(board) = board.as_mut().filter(|b| b.is_open()) else { return Ok([false; 2]) };
-    for action in board.frame(&input.hands, &headset.session, &headset.context())? {
-        match action {
-            PanelAction::Undo => frame.commands.push(EditCommand::Undo),
-            PanelAction::Redo => frame.commands.push(EditCommand::Redo),
-            PanelAction::Reset => frame.commands.push(EditCommand::Reset),
-            PanelAction::Show(layer, on) => {
-                frame.show.push((layer, on));
-                if on {
-                    board.state.layers.insert(layer)
-                } else {
-                    board.state.layers.remove(&layer)
-                };
-            }
-            PanelAction::Frame => {
-                let (low, high) = visible_bounds(app);
-                hands.set_placement(Placement::within_reach(low, high, head));
-            }
-            PanelAction::Animate(animation) => {
-                board.state.animation = animation;
-                app.scene.set_animation(animation);
-            }
-            PanelAction::Material(_) | PanelAction::SettingsChanged => apply(app, &mut board.state),
-            _ => board.state.tell("Take the headset off for that: it is done from the desktop window or the command line."),
-        }
-    }
-    hands.set_tear_width(board.state.config.tear.width);
-    Ok(board.pointed_at(&input.hands))
-}
-
-/// What the panel shows when it is first opened.
-fn panel_state(app: &App, options: &VrOptions, adapter: &str) -> PanelState {
-    let mut state = PanelState {
-        bundled: BUNDLED.to_vec(),
-        model: options.model.clone(),
-        config: options.config.clone(),
-        adapter: adapter.to_string(),
-        ..PanelState::default()
-    };
-    if let Some((_, tissue)) = app.scene.tissues().next() {
-        state.diagonal = tissue.diagonal();
-        state.animations = tissue.rig().animations.iter().map(|a| (a.name.clone(), a.duration_s)).collect();
-        let particles = tissue.layer().map_or(0, |l| l.map.len());
-        let mesh = tissue.mesh();
-        state.counts = [mesh.live_vertices().count(), mesh.face_count(), particles, app.scene.tissues().count()];
-    }
-    state
-}
-
-/// Springs, wounds and walls as the panel has them.
-fn apply(app: &mut App, state: &mut PanelState) {
-    let preset = state.config.dynamics.active();
-    let network = NetworkSettings { frequency_hz: preset.frequency, damping_ratio: preset.damping, coupling: preset.coupling };
-    app.scene.set_wall(state.config.tear.wall);
-    let ids: Vec<TissueId> = app.scene.tissues().map(|(id, _)| id).collect();
-    for id in ids {
-        let Some(layer) = app.scene.tissue_mut(id).and_then(|t| t.layer_mut()) else { continue };
-        layer.settings.wound.gap = state.config.tear.gap * state.diagonal;
-        layer.opening_s = state.config.tear.opening_time;
-        if let Err(why) = layer.network.set_settings(network) {
-            state.fail(format!("{why}; the springs stay as they were"));
-        }
-    }
 }
 
 /// Lets the hands feel what the frame did.
@@ -472,38 +422,3 @@ fn feel(
 }
 
 const RAY: [f32; 4] = [0.9, 0.9, 0.5, 0.9];
-const STEEL: [f32; 4] = [0.75, 0.78, 0.82, 1.0];
-const EDGE: [f32; 4] = [1.0, 1.0, 1.0, 1.0];
-const PLANE: [f32; 4] = [0.3, 0.8, 1.0, 0.6];
-/// Half a side of the plane's picture, and how many lines it is made of. Metres in the room.
-const PLANE_SIZE: f64 = 0.2;
-const PLANE_LINES: i32 = 8;
-
-/// The instruments and the plane as lines, model space. `room` is a metre of the room.
-fn instrument_lines(output: &HandsOutput, room: f64, lines: &mut Vec<LineSegment>) {
-    lines.clear();
-    for instrument in output.instruments.iter().flatten() {
-        let along = (instrument.base - instrument.tip).normalize_or(DVec3::Z);
-        let side = along.any_orthonormal_vector() * (0.008 * room * (1.0 - 0.8 * instrument.closed));
-        match instrument.tool {
-            Tool::Scalpel => {
-                let edge = instrument.tip + along * (0.03 * room);
-                lines.push(LineSegment { width: 5.0, ..LineSegment::new(edge, instrument.base, STEEL) });
-                lines.push(LineSegment { width: 3.0, ..LineSegment::new(instrument.tip, edge, EDGE) });
-            }
-            Tool::Forceps => {
-                for side in [side, -side] {
-                    lines.push(LineSegment { width: 3.0, ..LineSegment::new(instrument.tip + side, instrument.base, STEEL) });
-                }
-            }
-        }
-    }
-    let Some((point, normal)) = output.plane else { return };
-    let (u, v) = (normal.any_orthonormal_vector(), normal.cross(normal.any_orthonormal_vector()));
-    for i in -PLANE_LINES..=PLANE_LINES {
-        let t = f64::from(i) / f64::from(PLANE_LINES) * PLANE_SIZE * room;
-        let reach = PLANE_SIZE * room;
-        lines.push(LineSegment::new(point + u * t - v * reach, point + u * t + v * reach, PLANE));
-        lines.push(LineSegment::new(point + v * t - u * reach, point + v * t + u * reach, PLANE));
-    }
-}
