@@ -210,6 +210,8 @@ pub struct VrSettings {
     pub snap_turn: f64,
     /// Pictures a second; 0 leaves it to the headset.
     pub refresh_rate: f64,
+    /// Shows one eye in a window, too, where there is a display.
+    pub mirror: bool,
 }
 
 impl Default for VrSettings {
@@ -221,6 +223,7 @@ impl Default for VrSettings {
             reach: 0.03,
             snap_turn: 0.5,
             refresh_rate: 0.0,
+            mirror: true,
         }
     }
 }

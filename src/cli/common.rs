@@ -3,14 +3,14 @@
 use super::CliError;
 use crate::config::Config;
 use crate::formats::{self, FormatError, Model};
+#[cfg(any(feature = "desktop", feature = "vr"))]
+use crate::host::models::{Loaded, Request};
 use crate::input::ParticleOverrides;
 use crate::particles::ParticleSettings;
 use crate::physics::NetworkSettings;
 use crate::rig::Rig;
 use crate::scene::{Scene, SceneSettings};
 use crate::tissue::{Tissue, TissueSettings};
-#[cfg(any(feature = "desktop", feature = "vr"))]
-use crate::host::models::{Loaded, Request};
 #[cfg(feature = "gpu")]
 use crate::{surgery::WallMode, tissue::forces::BodyForces};
 use clap::Args;

@@ -6,10 +6,10 @@ use super::common::{
     tissue_settings, write_file,
 };
 use super::report_json;
-use crate::app::{App, FrameReport};
+use crate::app::App;
 use crate::config::Config;
 use crate::gpu::{Context, ContextOptions, DrawOptions, GpuError};
-use crate::host::vr::{EyePictures, VrError, VrOptions, VrOutcome, run, scenery};
+use crate::host::vr::{EyePictures, FrameNote, VrError, VrOptions, VrOutcome, run, scenery};
 use crate::input::ParticleOverrides;
 use crate::scene::{Scene, SceneSettings};
 use crate::tissue::Tissue;
@@ -128,8 +128,13 @@ fn headless_twins(app: &App, pictures: &EyePictures, outcome: &VrOutcome) -> Res
     let mut twins = Vec::new();
     for (eye, view) in pictures.views.iter().enumerate() {
         mirror.renderer_mut().set_visibility_masks(pictures.masks.get(eye..=eye).unwrap_or_default());
-        let options =
-            DrawOptions { lines: &outcome.lines, instruments: &outcome.instruments, scenery, masked: !pictures.masks.is_empty(), ..DrawOptions::default() };
+        let options = DrawOptions {
+            lines: &outcome.lines,
+            instruments: &outcome.instruments,
+            scenery,
+            masked: !pictures.masks.is_empty(),
+            ..DrawOptions::default()
+        };
         mirror.renderer_mut().draw_views(&[*view], pictures.size, &options)?;
         twins.push(mirror.renderer().read_picture(0)?);
     }
@@ -144,14 +149,16 @@ fn write_png(path: &Path, pixels: &[u8], (width, height): (u32, u32)) -> Result<
 fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
     let points = |points: &[DVec3]| points.iter().map(|p| json!(p.to_array())).collect::<Vec<_>>();
     let middles: Vec<DVec3> = app.scene.last_tear_boxes().iter().map(|b| b.corners().iter().sum::<DVec3>() / 8.0).collect();
-    let frame = |report: &FrameReport| {
+    let frame = |FrameNote { report, commands, allocations, displaced }: &FrameNote| {
         json!({
             "time": report.time_s,
             "stages_ms": report_json::stages(&report.stages),
             "dispatches": report.counters.dispatches,
             "bytes_uploaded": report.counters.bytes_uploaded,
             "particles_awake": report.counters.particles_awake,
-            "allocations": report.counters.allocations,
+            "allocations": allocations,
+            "commands": commands,
+            "displaced": displaced,
             "pipelines": report.counters.pipelines,
         })
     };
@@ -163,19 +170,21 @@ fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
         "space": outcome.space,
         "refresh_hz": outcome.refresh_hz,
         "multiview": outcome.multiview,
+        "depth": outcome.depth,
         "eye_size": [outcome.eye_size.0, outcome.eye_size.1],
         "drawn": outcome.drawn,
         "undrawn": outcome.undrawn,
         "nonsense_periods": outcome.nonsense_periods,
         "pulses": outcome.pulses,
         "recreated": outcome.recreated,
+        "mirrored": outcome.mirrored,
         "placement": placement,
         "eyes": eyes,
         "tips": points(&outcome.tips),
         "last_boxes": points(&middles),
         "edit_hash": format!("{:016x}", app.scene.edit_hash()),
         "state_hash": format!("{:016x}", app.scene.state_hash()),
-        "edits": report_json::edits(outcome.reports.iter()),
-        "frames": outcome.reports.iter().map(frame).collect::<Vec<_>>(),
+        "edits": report_json::edits(outcome.frames.iter().map(|note| &note.report)),
+        "frames": outcome.frames.iter().map(frame).collect::<Vec<_>>(),
     })
 }

@@ -149,8 +149,8 @@ pub fn middle_part(from: (u32, u32), to: (u32, u32), keep: f32) -> [f32; 4] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::readback::read_texture;
     use crate::gpu::ContextOptions;
+    use crate::gpu::readback::read_texture;
 
     #[test]
     fn the_middle_has_the_shape_of_the_window() {

@@ -9,6 +9,7 @@ pub mod blit;
 pub mod camera;
 pub mod context;
 pub mod deform;
+pub mod depth_copy;
 pub mod error;
 pub mod instruments;
 pub mod lines;

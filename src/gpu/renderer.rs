@@ -128,6 +128,7 @@ impl Renderer {
         self.tissue_pass.prepare_target(&self.context, key);
         self.lines.compile(&self.context, key);
         self.instruments.compile(&self.context, key);
+        self.targets.compile_depth(&self.context, target, key);
         self.context.check()
     }
 
@@ -278,6 +279,8 @@ impl Renderer {
             let tray = options.scenery.tray && !self.tissues.is_empty();
             let draws = self.draw_view(&mut pass, key, view as u32, views.masked, tray);
             self.counters.draws += draws;
+            drop(pass);
+            self.targets.keep_depth(&self.context, encoder, target, place, kind);
         }
         self.timer.end(encoder);
         Ok(())

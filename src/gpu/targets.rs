@@ -1,6 +1,7 @@
 //! What is drawn into: a colour texture of ours or of a window or headset, and the samples and depth behind it.
 
 use super::context::{COLOUR_FORMAT, Context, DEPTH_FORMAT};
+use super::depth_copy::DepthCopy;
 use super::error::GpuError;
 use super::pipelines::PipelineKey;
 
@@ -67,15 +68,17 @@ pub struct RenderTarget<'a> {
     pub colour: &'a ColourTarget,
     /// Draws into the upper left part of this size only, at that resolution ([`super::Resolution`]); `None`: all of it.
     pub viewport: Option<(u32, u32)>,
-    /// Keeps the depth, in [`DEPTH_FORMAT`], with as many layers and the same size: for a compositor that wants it. Costs the
-    /// antialiasing, since samples of depth cannot be resolved.
+    /// Keeps the depth, in [`DEPTH_FORMAT`], with as many layers and the same size: for a compositor that wants it. Of several
+    /// samples a pixel the first is kept.
     pub depth: Option<&'a ColourTarget>,
+    /// Several samples a pixel, where adapter and format have them.
+    pub smooth: bool,
 }
 
 impl<'a> RenderTarget<'a> {
     /// All of a colour target.
     pub fn new(colour: &'a ColourTarget) -> Self {
-        Self { colour, viewport: None, depth: None }
+        Self { colour, viewport: None, depth: None, smooth: true }
     }
 
     /// The pixels drawn.
@@ -127,6 +130,9 @@ struct Behind {
     key: PipelineKey,
     samples: Option<ColourTarget>,
     depth: ColourTarget,
+    depth_texture: wgpu::Texture,
+    /// The samples of a layer's depth as a shader reads them; made when a target wants its depth kept.
+    depth_samples: Vec<wgpu::BindGroup>,
     last_used: u64,
 }
 
@@ -134,6 +140,7 @@ struct Behind {
 #[derive(Debug, Default)]
 pub struct TargetPool {
     entries: Vec<Behind>,
+    depth_copy: Option<DepthCopy>,
     clock: u64,
 }
 
@@ -149,7 +156,7 @@ impl TargetPool {
         views: usize,
         passes: Passes,
     ) -> (PipelineKey, usize) {
-        let most = if target.depth.is_some() { 1 } else { context.samples_of(target.colour.format) };
+        let most = if target.smooth { context.samples_of(target.colour.format) } else { 1 };
         let wanted = match passes {
             Passes::Auto => context.prefers_views_at_once(),
             Passes::AtOnce => true,
@@ -178,6 +185,41 @@ impl TargetPool {
         (key, place)
     }
 
+    /// Copies the depth of what was drawn into the target's own, where it wants that and several samples a pixel lie between.
+    /// Call it after the pass of the same kind.
+    pub fn keep_depth(
+        &mut self,
+        context: &Context,
+        encoder: &mut wgpu::CommandEncoder,
+        target: &RenderTarget<'_>,
+        place: usize,
+        kind: PassKind,
+    ) {
+        let behind = &mut self.entries[place];
+        let Some(kept) = target.depth.filter(|_| behind.key.samples > 1) else { return };
+        let copy = self.depth_copy.get_or_insert_with(|| DepthCopy::new(context));
+        if behind.depth_samples.is_empty() {
+            behind
+                .depth_samples
+                .extend((0..behind.layers as u32).map(|layer| copy.source(context, &behind.depth_texture, layer)));
+        }
+        match kind {
+            PassKind::Multiview => {
+                for (source, layer) in behind.depth_samples.iter().zip(&kept.layers) {
+                    copy.encode(encoder, source, layer);
+                }
+            }
+            PassKind::Layer(layer) => copy.encode(encoder, &behind.depth_samples[0], &kept.layers[layer]),
+        }
+    }
+
+    /// Compiles what [`TargetPool::keep_depth`] will need.
+    pub fn compile_depth(&mut self, context: &Context, target: &RenderTarget<'_>, key: PipelineKey) {
+        if target.depth.is_some() && key.samples > 1 {
+            self.depth_copy.get_or_insert_with(|| DepthCopy::new(context));
+        }
+    }
+
     /// Begins a pass that clears and draws.
     pub fn begin<'e>(
         &self,
@@ -200,7 +242,8 @@ impl TargetPool {
             None => (&colour, None, wgpu::StoreOp::Store),
         };
         let (depth, depth_store) = match target.depth {
-            Some(depth) => (pick(depth, layer), wgpu::StoreOp::Store),
+            Some(depth) if behind.key.samples == 1 => (pick(depth, layer), wgpu::StoreOp::Store),
+            Some(_) => (pick(&behind.depth, 0), wgpu::StoreOp::Store),
             None => (pick(&behind.depth, 0), wgpu::StoreOp::Discard),
         };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
@@ -231,12 +274,14 @@ impl TargetPool {
 
 impl Behind {
     fn new(context: &Context, size: (u32, u32), layers: usize, key: PipelineKey) -> Self {
-        let make = |label, format| {
-            let texture = make_texture(context, label, size, layers as u32, format, key.samples, wgpu::TextureUsages::empty());
+        let make = |label, format, more| make_texture(context, label, size, layers as u32, format, key.samples, more);
+        let samples = key.format.filter(|_| key.samples > 1).map(|format| {
+            let texture = make("samples", format, wgpu::TextureUsages::empty());
             ColourTarget::of_texture(&texture, format)
-        };
-        let samples = key.format.filter(|_| key.samples > 1).map(|format| make("samples", format));
-        Self { size, layers, key, samples, depth: make("depth", DEPTH_FORMAT), last_used: 0 }
+        });
+        let depth_texture = make("depth", DEPTH_FORMAT, wgpu::TextureUsages::TEXTURE_BINDING);
+        let depth = ColourTarget::of_texture(&depth_texture, DEPTH_FORMAT);
+        Self { size, layers, key, samples, depth, depth_texture, depth_samples: Vec::new(), last_used: 0 }
     }
 }
 

@@ -227,7 +227,7 @@ gpu_struct!(
 );
 
 /// All shaders: name and full text, `types.wgsl` in front.
-pub const SHADERS: [(&str, &str); 8] = [
+pub const SHADERS: [(&str, &str); 9] = [
     (
         "deform",
         concat!(
@@ -270,6 +270,7 @@ pub const SHADERS: [(&str, &str); 8] = [
     ),
     ("shadow", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/shadow.wgsl"))),
     ("lines", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/lines.wgsl"))),
+    ("depth_copy", include_str!("../../shaders/depth_copy.wgsl")),
     ("blit", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/blit.wgsl"))),
 ];
 

@@ -169,7 +169,7 @@ mod tests {
         let request = Request { model: "nowhere.glb".into(), config: Config::default(), spacing: None };
         let fails: Load = Arc::new(|request| Err(format!("{}: no such file", request.model)));
         let (told, called) = channel();
-        loader.begin(&fails, request.clone(), move || drop(told.send(())), &mut panel);
+        loader.begin(&fails, request.clone(), move || told.send(()).unwrap_or_default(), &mut panel);
         assert_eq!(panel.loading.as_deref(), Some("loading nowhere.glb"));
         loader.begin(&fails, request, || (), &mut panel);
         assert!(panel.notice.take().is_some_and(|n| n.text.contains("already")), "one at a time");

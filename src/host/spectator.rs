@@ -269,10 +269,7 @@ fn off_the_main_thread(builder: &mut EventLoopBuilder<Ask>) -> Result<(), String
     Ok(())
 }
 
-#[cfg(not(any(
-    target_os = "windows",
-    all(unix, not(any(target_os = "macos", target_os = "ios", target_os = "android")))
-)))]
+#[cfg(not(any(target_os = "windows", all(unix, not(any(target_os = "macos", target_os = "ios", target_os = "android"))))))]
 fn off_the_main_thread(_: &mut EventLoopBuilder<Ask>) -> Result<(), String> {
     Err("on this system windows belong to the main thread, which the headset needs".into())
 }

@@ -142,7 +142,8 @@ fn edits(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
             actions.push(PanelAction::Screenshot);
         }
         let mut recording = state.recording;
-        if !state.in_room && ui.checkbox(&mut recording, "Record").on_hover_text("Write a picture of every frame (F10)").changed() {
+        if !state.in_room && ui.checkbox(&mut recording, "Record").on_hover_text("Write a picture of every frame (F10)").changed()
+        {
             actions.push(PanelAction::Record(recording));
         }
     });

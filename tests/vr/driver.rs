@@ -16,6 +16,9 @@ pub const HEAD: [f32; 3] = [0.0, 1.6, 0.0];
 const TIP: f64 = 0.12;
 const REACH: f64 = 0.03;
 
+/// Metres.
+const TICK: f32 = 1.0 / 1048576.0;
+
 /// A program that is being led.
 pub struct Led {
     program: Child,
@@ -47,7 +50,7 @@ impl Led {
         command.stdin(Stdio::null()).stdout(log.try_clone().expect("a log")).stderr(log);
         let program = command.spawn().expect("incise starts");
         let (stream, _) = listener.accept().expect("incise connects");
-        stream.set_read_timeout(Some(Duration::from_secs(60))).expect("a timeout");
+        stream.set_read_timeout(Some(Duration::from_secs(120))).expect("a timeout");
         let mut led = Self {
             program,
             remote,
@@ -90,9 +93,12 @@ impl Led {
         let line = self.line();
         assert_eq!(line, format!("frame {}", self.frames));
         self.frames += 1;
-        self.remote.send(HEAD, &self.hands).expect("the service takes it");
+        // No two packets that follow each other are alike, so that what the program sees is this one and its buttons.
+        let mut hands = self.hands;
+        hands[0].position[0] += TICK * (self.frames % 2) as f32;
+        self.remote.send(HEAD, &hands).expect("the service takes it");
         let mut say = String::from("expect");
-        for Controller { position: [x, y, z], trigger, squeeze, .. } in self.hands {
+        for Controller { position: [x, y, z], trigger, squeeze, .. } in hands {
             say += &format!(" {x} {y} {z} {trigger} {squeeze}");
         }
         self.say(&format!("{say}{}", if capture { " capture" } else { "" }));

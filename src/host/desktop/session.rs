@@ -3,10 +3,10 @@
 
 use super::record::{FrameNote, StrokeNote};
 use super::{Loaded, Request, Setup};
-use crate::host::models::{self, Loader};
 use crate::app::{App, FrameReport};
 use crate::gpu::{Bounds, Camera};
 use crate::host::headless::visible_bounds;
+use crate::host::models::{self, Loader};
 use crate::input::tools::{OrbitCamera, PointerTools, Preview, ToolSettings};
 use crate::input::{CameraPose, InputFrame};
 use crate::panel::{PanelAction, PanelState, TimingRow};

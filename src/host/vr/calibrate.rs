@@ -29,14 +29,7 @@ pub struct Pivot {
 
 impl Default for Pivot {
     fn default() -> Self {
-        Self {
-            count: 0,
-            origin: DVec3::ZERO,
-            turns: DMat3::ZERO,
-            places: DVec3::ZERO,
-            turned: DVec3::ZERO,
-            squares: 0.0,
-        }
+        Self { count: 0, origin: DVec3::ZERO, turns: DMat3::ZERO, places: DVec3::ZERO, turned: DVec3::ZERO, squares: 0.0 }
     }
 }
 
@@ -126,7 +119,8 @@ mod tests {
 
     #[test]
     fn a_tremor_of_a_millimetre_moves_it_by_less() {
-        let tremor = |i: u32| 1e-3 * DVec3::new((f64::from(i) * 7.1).sin(), (f64::from(i) * 3.3).cos(), (f64::from(i) * 5.7).sin());
+        let tremor =
+            |i: u32| 1e-3 * DVec3::new((f64::from(i) * 7.1).sin(), (f64::from(i) * 3.3).cos(), (f64::from(i) * 5.7).sin());
         let tip = turned(300, DVec3::splat(0.5), tremor).tip().expect("found");
         assert!(tip.offset.distance(OFFSET) < 1e-3, "{}", tip.offset.distance(OFFSET));
         assert!((0.5e-3..2e-3).contains(&tip.strayed), "{}", tip.strayed);

@@ -1,13 +1,13 @@
 //! What the user does at the board: opens models, sets materials, calibrates the tip, steps the clock. The board shows it, the
 //! desk carries it out.
 
+use super::VrError;
 use super::board::Board;
 use super::hands::Hands;
 use super::headset::{Capture, Headset};
 use super::input::HandsInput;
 use super::run::VrOptions;
 use super::space::{Placement, Pose};
-use super::VrError;
 use crate::app::{App, FrameReport};
 use crate::formats::BUNDLED;
 use crate::host::headless::visible_bounds;
@@ -88,7 +88,10 @@ impl Desk {
             self.board.toggle(work.head);
             self.board.state.counts = models::counts(&work.app.scene);
         }
-        let changed = self.take_loaded(headset, work);
+        let changed = self.take_loaded(work);
+        if changed {
+            headset.forget_scene();
+        }
         if !self.board.is_open() {
             return Ok(([false; 2], changed));
         }
@@ -155,7 +158,7 @@ impl Desk {
     }
 
     /// Takes a model that has been loaded meanwhile; it stands where one stands at the start.
-    fn take_loaded(&mut self, headset: &mut Headset, work: &mut Work<'_>) -> bool {
+    fn take_loaded(&mut self, work: &mut Work<'_>) -> bool {
         let Work { app, hands, head, options, frame } = work;
         let state = &mut self.board.state;
         let (Some(Loaded { mut scene, name, .. }), _) = self.loader.take(state) else { return false };
@@ -168,7 +171,6 @@ impl Desk {
         let speed = state.speed;
         **app = App::new(scene, speed, options.allocations);
         frame.show.extend(state.layers.iter().map(|&layer| (layer, true)));
-        headset.forget_scene();
         state.model = name;
         describe(app, state);
         place(app, hands, head);
@@ -244,3 +246,7 @@ fn describe(app: &App, state: &mut PanelState) {
         state.spacing_used = tissue.layer().map_or(0.05 * state.diagonal, |l| l.settings.spacing);
     }
 }
+
+#[cfg(test)]
+#[path = "desk_tests.rs"]
+mod tests;

@@ -1,6 +1,6 @@
 //! What the hands hold, as the renderer draws it.
 
-use super::hands::{Held, HandsOutput, Tool};
+use super::hands::{HandsOutput, Held, Tool};
 use crate::gpu::{self, Instrument};
 use glam::{DAffine3, DMat3, DVec3};
 

@@ -2,8 +2,9 @@
 
 use super::board::Board;
 use super::error::{Named, VrError};
+use super::eye_mirror::{EyeMirror, reflect};
 use super::input::{Input, located};
-use super::interop::{self, Graphics};
+use super::interop::{self, EyeDepth, Graphics};
 use super::lifecycle::{Lifecycle, Order};
 use super::runtime::Runtime;
 use super::space::{Placement, Pose};
@@ -12,9 +13,12 @@ use crate::app::{FrameCounters, FrameTarget, FrameView};
 use crate::config::VrSettings;
 use crate::diagnostics::Stages;
 use crate::gpu::readback::read_texture;
-use crate::gpu::{Bounds, DrawOptions, Fov, Instrument, LineSegment, Passes, RenderTarget, Scenery, ViewPose, ViewSet, VisibilityMask};
+use crate::gpu::{
+    Bounds, DrawOptions, Fov, Instrument, LineSegment, Passes, RenderTarget, Scenery, ViewPose, ViewSet, VisibilityMask,
+};
 use crate::host::mirror::Mirror;
 use openxr as xr;
+use std::time::Instant;
 
 const STEREO: xr::ViewConfigurationType = xr::ViewConfigurationType::PRIMARY_STEREO;
 /// Nearest that something is drawn: metres in the room.
@@ -26,6 +30,8 @@ const LARGEST: u32 = 8192;
 pub struct Headset {
     mirror: Mirror,
     images: Option<Images>,
+    /// Depth of the same pictures, where the compositor takes it.
+    depth: Option<Images>,
     base: xr::Space,
     head: xr::Space,
     stream: xr::FrameStream<xr::Vulkan>,
@@ -67,6 +73,11 @@ impl Headset {
         let views = runtime.instance.enumerate_view_configuration_views(runtime.system, STEREO).named("the eyes' sizes")?;
         let size = eye_size(&views);
         let images = Images::new(&session, &graphics.context, size, 2)?;
+        let depth = if runtime.extensions.khr_composition_layer_depth {
+            Images::depth(&session, &graphics.context, size, 2)?
+        } else {
+            None
+        };
         let blend = runtime
             .instance
             .enumerate_environment_blend_modes(runtime.system, STEREO)
@@ -78,6 +89,7 @@ impl Headset {
         let mut headset = Self {
             mirror: Mirror::new(graphics.context.clone()),
             images: Some(images),
+            depth,
             base,
             head,
             stream,
@@ -101,7 +113,9 @@ impl Headset {
     /// Compiles all that the eyes will ever need, before there is a frame to be late for.
     fn compile(&mut self) -> Result<(), VrError> {
         let Some(images) = &self.images else { return Ok(()) };
-        Ok(self.mirror.renderer_mut().compile_for(&RenderTarget::new(images.target(0)), 2, Passes::Auto)?)
+        let depth = self.depth.as_ref().map(|d| d.target(0));
+        let target = RenderTarget { depth, ..RenderTarget::new(images.target(0)) };
+        Ok(self.mirror.renderer_mut().compile_for(&target, 2, Passes::Auto)?)
     }
 
     /// Another scene: nothing that was drawn is of use any more.
@@ -118,6 +132,11 @@ impl Headset {
     pub fn multiview(&self) -> bool {
         let context = &self.graphics.context;
         self.images.as_ref().is_some_and(|i| context.draws_views_at_once(2, context.samples_of(i.format())))
+    }
+
+    /// True if the compositor is told how far away things are.
+    pub fn gives_depth(&self) -> bool {
+        self.depth.is_some()
     }
 
     /// Width and height of an eye's picture, pixels.
@@ -182,10 +201,16 @@ impl Headset {
             extent: xr::Extent2Di { width: width as i32, height: height as i32 },
         };
         let swapchain = images.lock();
+        let depths = self.depth.as_ref().map(Images::lock);
+        let depths = depths.as_ref().map(|d| [0, 1].map(|layer| EyeDepth::new(d, layer, rect, NEAR as f32)));
         let eye = |i: usize| {
             let image = xr::SwapchainSubImage::new().swapchain(&swapchain).image_array_index(i as u32).image_rect(rect);
             let view = &shown.views[i];
-            xr::CompositionLayerProjectionView::new().pose(view.pose).fov(view.fov).sub_image(image)
+            let eye = xr::CompositionLayerProjectionView::new().pose(view.pose).fov(view.fov).sub_image(image);
+            match &depths {
+                Some(depths) => depths[i].of(eye),
+                None => eye,
+            }
         };
         let eyes = [eye(0), eye(1)];
         let layer = xr::CompositionLayerProjection::new().space(&self.base).views(&eyes);
@@ -205,6 +230,11 @@ impl Headset {
             .pose(place.to_xr())
             .size(xr::Extent2Df { width: wide as f32, height: high as f32 });
         self.stream.end(time, self.blend, &[&layer, &quad]).named("xrEndFrame")
+    }
+
+    /// Hands the images of the frame to the compositor.
+    fn release(&self) -> Result<(), VrError> {
+        self.images.iter().chain(&self.depth).try_for_each(Images::release)
     }
 
     /// The hands and their buttons at `time`.
@@ -253,7 +283,7 @@ impl Drop for Headset {
         // The compositor's images go back before the session ends: what still uses them runs out first. Errors mean that the
         // device is gone, and with it what there was to wait for.
         let _ = self.graphics.context.wait();
-        self.images = None;
+        (self.images, self.depth) = (None, None);
         let _ = self.graphics.context.wait();
     }
 }
@@ -326,12 +356,18 @@ pub struct EyeTarget<'a> {
     pub lines: &'a [LineSegment],
     /// Keeps the pictures of this frame.
     pub capture: bool,
+    /// The window that shows one eye, too.
+    pub mirror: &'a mut Option<EyeMirror>,
     /// What was drawn.
     pub shown: Option<Shown>,
     /// The pictures, if they were asked for.
     pub captured: Option<Capture>,
     /// Deltas of edits that the frame brought: something was torn.
     pub changes: usize,
+    /// Counts heap allocations so far.
+    pub allocations: fn() -> u64,
+    /// Those of bringing the renderer up to date.
+    pub allocated: u64,
 }
 
 impl EyeTarget<'_> {
@@ -351,9 +387,10 @@ impl EyeTarget<'_> {
         Some([pose(&views[0])?, pose(&views[1])?])
     }
 
-    fn draw(&mut self, view: &FrameView) -> Result<(), VrError> {
-        let Some(views) = self.headset.eyes(self.time)? else { return Ok(()) };
-        let Some(poses) = self.view_poses(&views) else { return Ok(()) };
+    /// Draws both eyes; returns seconds spent on waiting for the compositor's image.
+    fn draw(&mut self, view: &FrameView) -> Result<f64, VrError> {
+        let Some(views) = self.headset.eyes(self.time)? else { return Ok(0.0) };
+        let Some(poses) = self.view_poses(&views) else { return Ok(0.0) };
         let layers = self.headset.mirror.layer_lines(view);
         let all: Vec<LineSegment>;
         let lines = match (layers.is_empty(), self.lines.is_empty()) {
@@ -366,31 +403,38 @@ impl EyeTarget<'_> {
         };
         let instruments = self.instruments;
         let options = DrawOptions { lines, instruments, scenery: scenery(view.scene), ..DrawOptions::default() };
-        let Headset { mirror, images, graphics, masks, .. } = &mut *self.headset;
-        let Some(images) = images else { return Ok(()) };
+        let Headset { mirror, images, depth, graphics, masks, .. } = &mut *self.headset;
+        let Some(images) = images else { return Ok(0.0) };
         let context = graphics.context.clone();
+        let start = Instant::now();
         let index = images.acquire()?;
+        let depth = match depth {
+            Some(depth) => Some(depth.target(depth.acquire()?)),
+            None => None,
+        };
+        let waited_s = start.elapsed().as_secs_f64();
         let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("eyes") });
         let set = ViewSet { views: &poses, masked: !masks.is_empty() };
-        let encoded = mirror.renderer_mut().encode(&mut encoder, &set, &RenderTarget::new(images.target(index)), &options);
-        if let Err(error) = encoded {
-            images.release()?;
+        let target = RenderTarget { depth, ..RenderTarget::new(images.target(index)) };
+        if let Err(error) = mirror.renderer_mut().encode(&mut encoder, &set, &target, &options) {
+            self.headset.release()?;
             return Err(error.into());
         }
         // The head has moved on while we drew: the latest poses win, and those are what the compositor is told.
         let late = self.headset.eyes(self.time)?.and_then(|views| Some((self.view_poses(&views)?, views)));
         let (poses, views) = late.unwrap_or((poses, views));
         let Headset { mirror, images, masks, .. } = &mut *self.headset;
-        let Some(images) = images else { return Ok(()) };
+        let Some(images) = images else { return Ok(0.0) };
         mirror.renderer_mut().set_late_views(&poses)?;
         context.queue().submit([encoder.finish()]);
         if self.capture {
             self.captured = Some(Capture { masks: masks.clone(), ..capture(&context, images, index, &poses)? });
         }
-        images.release()?;
+        reflect(self.mirror, images, index);
+        self.headset.release()?;
         context.check()?;
         self.shown = Some(Shown { views });
-        Ok(())
+        Ok(waited_s)
     }
 }
 
@@ -399,9 +443,14 @@ impl FrameTarget for EyeTarget<'_> {
 
     fn present(&mut self, view: &FrameView, stages: &mut Stages, counters: &mut FrameCounters) -> Result<(), VrError> {
         self.changes = view.changes.len();
+        let before = (self.allocations)();
         stages.time("upload", || self.headset.mirror.sync(view))?;
+        self.allocated = (self.allocations)() - before;
         if self.render {
-            stages.time("draw", || self.draw(view))?;
+            let start = Instant::now();
+            let waited_s = self.draw(view)?;
+            stages.add("draw", 1e3 * (start.elapsed().as_secs_f64() - waited_s));
+            stages.add("image", 1e3 * waited_s);
         }
         self.headset.mirror.count(counters);
         Ok(())
@@ -420,10 +469,8 @@ fn capture(context: &crate::gpu::Context, images: &Images, index: usize, views: 
     if matches!(images.format(), wgpu::TextureFormat::Bgra8Unorm | wgpu::TextureFormat::Bgra8UnormSrgb) {
         eyes.iter_mut().flat_map(|eye| eye.as_chunks_mut::<4>().0).for_each(|pixel| pixel.swap(0, 2));
     }
-    // The runtime wants its image back as a colour attachment, and the copy has left it otherwise.
     let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("give back") });
-    let back = wgpu::TextureTransition { texture, selector: None, state: wgpu::TextureUses::COLOR_TARGET };
-    encoder.transition_resources(std::iter::empty(), std::iter::once(back));
+    images.give_back(index, &mut encoder);
     context.queue().submit([encoder.finish()]);
     Ok(Capture { eyes, size: images.size(), views: views.to_vec(), masks: Vec::new() })
 }

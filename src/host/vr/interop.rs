@@ -9,6 +9,7 @@ use crate::gpu::context::{Context, required_limits, wanted_features};
 use ash::vk::{self, Handle};
 use openxr as xr;
 use std::ffi::CStr;
+use std::marker::PhantomData;
 use std::sync::{Arc, Mutex};
 use wgpu::hal::{self, api::Vulkan};
 
@@ -182,6 +183,14 @@ pub fn import_images(
 ) -> Result<Vec<wgpu::Texture>, VrError> {
     let images = swapchain.lock().unwrap_or_else(std::sync::PoisonError::into_inner).enumerate_images();
     let size = wgpu::Extent3d { width: shape.width, height: shape.height, depth_or_array_layers: shape.layers };
+    let (uses, usage) = if shape.format.is_depth_stencil_format() {
+        (wgpu::TextureUses::DEPTH_STENCIL_WRITE, wgpu::TextureUsages::RENDER_ATTACHMENT)
+    } else {
+        (
+            wgpu::TextureUses::COLOR_TARGET | wgpu::TextureUses::COPY_SRC | wgpu::TextureUses::RESOURCE,
+            wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING,
+        )
+    };
     let mut textures = Vec::new();
     for image in images.named("the images of a swapchain")? {
         let keep = swapchain.clone();
@@ -193,7 +202,7 @@ pub fn import_images(
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: shape.format,
-            usage: wgpu::TextureUses::COLOR_TARGET | wgpu::TextureUses::COPY_SRC | wgpu::TextureUses::RESOURCE,
+            usage: uses,
             memory_flags: hal::MemoryFlags::empty(),
             view_formats: Vec::new(),
         };
@@ -217,7 +226,7 @@ pub fn import_images(
             sample_count: 1,
             dimension: wgpu::TextureDimension::D2,
             format: shape.format,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::TEXTURE_BINDING,
+            usage,
             view_formats: &[],
         };
         // SAFETY: the same image, described alike. Every frame clears it before anything reads it, so its first state is free.
@@ -225,4 +234,38 @@ pub fn import_images(
             .push(unsafe { device.create_texture_from_hal::<Vulkan>(texture, &descriptor, wgpu::TextureUses::UNINITIALIZED) });
     }
     Ok(textures)
+}
+
+/// Depth of one eye's picture, for the compositor (XR_KHR_composition_layer_depth).
+pub struct EyeDepth<'a> {
+    info: xr::sys::CompositionLayerDepthInfoKHR,
+    _images: PhantomData<&'a xr::Swapchain<xr::Vulkan>>,
+}
+
+impl<'a> EyeDepth<'a> {
+    /// Reversed depth with an infinite far plane, as our shaders write it: 1 at `near` metres, 0 at infinity.
+    pub fn new(images: &'a xr::Swapchain<xr::Vulkan>, layer: u32, rect: xr::Rect2Di, near: f32) -> Self {
+        let sub_image = xr::sys::SwapchainSubImage { swapchain: images.as_raw(), image_rect: rect, image_array_index: layer };
+        let info = xr::sys::CompositionLayerDepthInfoKHR {
+            ty: xr::sys::StructureType::COMPOSITION_LAYER_DEPTH_INFO_KHR,
+            next: std::ptr::null(),
+            sub_image,
+            min_depth: 0.0,
+            max_depth: 1.0,
+            near_z: f32::MAX, // of depth 0: infinity, where some compositors want a number
+            far_z: near,
+        };
+        Self { info, _images: PhantomData }
+    }
+
+    /// An eye's view with this depth.
+    pub fn of<'v>(
+        &'v self,
+        view: xr::CompositionLayerProjectionView<'v, xr::Vulkan>,
+    ) -> xr::CompositionLayerProjectionView<'v, xr::Vulkan> {
+        let mut raw = view.into_raw();
+        raw.next = (&raw const self.info).cast();
+        // SAFETY: the view keeps the lifetime of what it named, and what it names now, `self` and its swapchain, lives as long.
+        unsafe { xr::CompositionLayerProjectionView::from_raw(raw) }
+    }
 }

@@ -10,6 +10,7 @@
 //! | [`drawn`], [`calibrate`] | the tools as they are drawn; where their tips are |
 //! | [`space`] | where the model stands; scaling, turning, snap turns |
 //! | [`board`], [`desk`] | the panel on a board in the room; what it asks for is carried out |
+//! | [`eye_mirror`] | one eye in a window, for those who look on |
 //! | `headset` | one session: swapchain, spaces, a frame |
 //! | [`mod@run`] | the loop over frames and sessions |
 //! | [`lockstep`] | a test driver's hold on the loop |
@@ -21,6 +22,7 @@ pub mod clock;
 pub mod desk;
 pub mod drawn;
 pub mod error;
+pub mod eye_mirror;
 pub mod hands;
 pub mod haptics;
 mod headset;
@@ -35,7 +37,7 @@ mod swapchain;
 
 pub use error::{VrError, VrUnavailable};
 pub use headset::scenery;
-pub use run::{EyePictures, VrOptions, VrOutcome, run};
+pub use run::{EyePictures, FrameNote, VrOptions, VrOutcome, run};
 
 /// Looks for a headset without starting a session: for deciding between headset and window.
 pub fn available() -> Result<(), VrUnavailable> {

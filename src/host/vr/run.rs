@@ -6,6 +6,7 @@ use super::clock::StepClock;
 use super::desk::{Desk, Work};
 use super::drawn;
 use super::error::VrError;
+use super::eye_mirror::EyeMirror;
 use super::hands::{Around, Hands, HandsOutput};
 use super::haptics::Haptics;
 use super::headset::{Capture, EyeTarget, Headset};
@@ -73,6 +74,8 @@ pub struct VrOutcome {
     pub refresh_hz: Option<f32>,
     /// True if both eyes were drawn in one pass.
     pub multiview: bool,
+    /// True if the compositor was told how far away things are.
+    pub depth: bool,
     /// Width and height of an eye's picture.
     pub eye_size: (u32, u32),
     /// Frames that were drawn.
@@ -81,6 +84,8 @@ pub struct VrOutcome {
     pub undrawn: u64,
     /// Frames whose predicted period was nonsense.
     pub nonsense_periods: u64,
+    /// Frames that a window beside the headset showed.
+    pub mirrored: u64,
     /// Vibrations that the runtime took.
     pub pulses: u64,
     /// Sessions that were lost and made again.
@@ -88,7 +93,7 @@ pub struct VrOutcome {
     /// Where the model stands.
     pub placement: Option<Placement>,
     /// Frames, if they were kept.
-    pub reports: Vec<FrameReport>,
+    pub frames: Vec<FrameNote>,
     /// Commanded tips while tearing, model space, if reports were kept.
     pub tips: Vec<DVec3>,
     /// The last pictures that the driver asked for.
@@ -97,6 +102,20 @@ pub struct VrOutcome {
     pub instruments: Vec<Instrument>,
     /// The pointer's ray in those pictures.
     pub lines: Vec<LineSegment>,
+}
+
+/// A frame that was kept.
+#[derive(Clone, Debug, Default)]
+pub struct FrameNote {
+    /// The app's report. Besides the app's stages: `input` (hands and board), `image` (waiting for the compositor's image, which
+    /// is none of our work).
+    pub report: FrameReport,
+    /// Edit commands of the hands and the board.
+    pub commands: usize,
+    /// Heap allocations of ours: from the hands' poses to the notes of the upload.
+    pub allocations: u64,
+    /// Largest displacement of a particle, metres.
+    pub displaced: f64,
 }
 
 /// How a session ended.
@@ -113,9 +132,16 @@ pub fn run(app: &mut App, options: &VrOptions, outcome: &mut VrOutcome) -> Resul
         user.lockstep = Some(Lockstep::connect(address)?);
     }
     let mut headset = Headset::open(&options.config.vr)?;
+    if options.config.vr.mirror {
+        user.mirror = EyeMirror::open();
+    }
     loop {
         let ended = session(&mut headset, app, &mut user, options, outcome);
         user.put_down(app);
+        if let Some(mirror) = &mut user.mirror {
+            mirror.end();
+            outcome.mirrored = mirror.frames();
+        }
         let why = match ended {
             Ok(Ended::Left) => return Ok(()),
             Ok(Ended::Lost) => VrError::Lost("it asked for a new session".into()),
@@ -157,6 +183,7 @@ struct User {
     frame: InputFrame,
     instruments: Vec<Instrument>,
     lines: Vec<LineSegment>,
+    mirror: Option<EyeMirror>,
 }
 
 impl User {
@@ -173,6 +200,7 @@ impl User {
             frame: InputFrame::default(),
             instruments: Vec::new(),
             lines: Vec::new(),
+            mirror: None,
         }
     }
 
@@ -198,6 +226,9 @@ fn session(
     describe(headset, outcome);
     let desk = user.desk.get_or_insert_with(|| Desk::new(app, options, headset.adapter()));
     desk.board.prepare(&headset.session, &headset.context())?;
+    if let Some(mirror) = &mut user.mirror {
+        mirror.begin(&headset.context());
+    }
     loop {
         match headset.poll()? {
             Order::Leave => return Ok(Ended::Left),
@@ -206,6 +237,9 @@ fn session(
             Order::Begin | Order::End => continue,
         }
         if !headset.life.is_running() {
+            if user.mirror.as_ref().is_some_and(EyeMirror::is_closed) {
+                return Ok(Ended::Left);
+            }
             std::thread::sleep(Duration::from_millis(10));
             continue;
         }
@@ -229,9 +263,14 @@ fn session(
             frame(headset, app, user, &state, capture, options, outcome)?
         };
         headset.end(&state, shown.as_ref(), user.desk.as_ref().map(|d| &d.board).filter(|b| b.is_open()))?;
+        if let Some(mirror) = &mut user.mirror {
+            mirror.show();
+        }
         *(if shown.is_some() { &mut outcome.drawn } else { &mut outcome.undrawn }) += 1;
         outcome.nonsense_periods = user.clock.nonsense();
-        if options.frames.is_some_and(|most| outcome.drawn + outcome.undrawn >= most) && !user.leaving {
+        let enough = options.frames.is_some_and(|most| outcome.drawn + outcome.undrawn >= most);
+        let closed = user.mirror.as_ref().is_some_and(EyeMirror::is_closed);
+        if (enough || closed) && !user.leaving {
             leave(headset, user)?;
         }
     }
@@ -250,6 +289,7 @@ fn describe(headset: &Headset, outcome: &mut VrOutcome) {
     outcome.space = headset.base_name;
     outcome.refresh_hz = headset.refresh_hz;
     outcome.multiview = headset.multiview();
+    outcome.depth = headset.gives_depth();
     outcome.eye_size = headset.eye_size();
     let (width, height) = headset.eye_size();
     tracing::info!("{} on {}, {width} x {height} an eye, {}", headset.runtime.headset, headset.runtime.name, headset.adapter());
@@ -282,12 +322,12 @@ fn led(headset: &Headset, app: &App, user: &mut User, state: &openxr::FrameState
 fn look_only(
     headset: &mut Headset,
     app: &App,
-    user: &User,
+    user: &mut User,
     state: &openxr::FrameState,
 ) -> Result<Option<super::headset::Shown>, VrError> {
     let (low, high) = visible_bounds(app);
     let placement = user.hands.as_ref().map_or_else(|| Placement::within_reach(low, high, &STANDING), |h| *h.placement());
-    let mut target = eye_target(headset, state, placement, (&[], &[]), false);
+    let mut target = eye_target(headset, state, placement, (&[], &[]), &mut user.mirror);
     target.present(&app.view(), &mut Stages::default(), &mut FrameCounters::default())?;
     Ok(target.shown)
 }
@@ -297,7 +337,7 @@ fn eye_target<'a>(
     state: &openxr::FrameState,
     placement: Placement,
     (instruments, lines): (&'a [Instrument], &'a [LineSegment]),
-    capture: bool,
+    mirror: &'a mut Option<EyeMirror>,
 ) -> EyeTarget<'a> {
     EyeTarget {
         headset,
@@ -306,10 +346,13 @@ fn eye_target<'a>(
         placement,
         instruments,
         lines,
-        capture,
+        mirror,
+        capture: false,
         shown: None,
         captured: None,
         changes: 0,
+        allocations: || 0,
+        allocated: 0,
     }
 }
 
@@ -324,6 +367,7 @@ fn frame(
     outcome: &mut VrOutcome,
 ) -> Result<Option<super::headset::Shown>, VrError> {
     let time = state.predicted_display_time;
+    let (began, allocated) = (Instant::now(), (options.allocations)());
     let step_s = match user.lockstep {
         Some(_) => LOCKSTEP_S,
         None => user.clock.step(time.as_nanos(), state.predicted_display_period.as_nanos()),
@@ -374,6 +418,7 @@ fn frame(
     user.frame.time_s = user.time_s;
     user.frame.step_s = step_s;
     std::mem::swap(&mut user.frame.commands, &mut user.output.commands);
+    let (input_s, mut allocations) = (began.elapsed().as_secs_f64(), (options.allocations)() - allocated);
     if options.keep_reports {
         outcome.tips.extend(user.frame.commands.iter().filter_map(|command| match command {
             EditCommand::StrokePose(pose) => Some(pose.tip),
@@ -381,9 +426,13 @@ fn frame(
         }));
     }
     let asked = desk.wants_picture();
-    let mut target = eye_target(headset, state, placement, (&user.instruments, &user.lines), capture || asked);
-    let report = app.frame(&user.frame, &mut target)?;
-    let EyeTarget { shown, captured, changes, .. } = target;
+    let mut target = eye_target(headset, state, placement, (&user.instruments, &user.lines), &mut user.mirror);
+    target.capture = capture || asked;
+    target.allocations = options.allocations;
+    let mut report = app.frame(&user.frame, &mut target)?;
+    let EyeTarget { shown, captured, changes, allocated, .. } = target;
+    allocations += report.counters.allocations + allocated;
+    report.stages.add("input", 1e3 * input_s);
     feel(headset, user, &report, changes, outcome)?;
     if let Some(desk) = &mut user.desk {
         desk.note(app, &report);
@@ -397,7 +446,9 @@ fn frame(
         outcome.lines.clone_from(&user.lines);
     }
     if options.keep_reports {
-        outcome.reports.push(report);
+        let layers = app.scene.tissues().filter_map(|(_, t)| t.layer());
+        let displaced = layers.flat_map(|l| l.displacements()).map(|u| u.length()).fold(0.0, f64::max);
+        outcome.frames.push(FrameNote { report, commands: user.frame.commands.len(), allocations, displaced });
     }
     Ok(shown)
 }

@@ -1,7 +1,8 @@
-//! The images that the headset shows: one swapchain of two layers, an eye each.
+//! The images that the headset shows: swapchains of two layers, an eye each, of colours and of depth.
 
 use super::error::{Named, VrError};
 use super::interop::{self, ImageShape};
+use crate::gpu::context::DEPTH_FORMAT;
 use crate::gpu::{ColourTarget, Context};
 use openxr as xr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -14,6 +15,9 @@ const FORMATS: [(u32, wgpu::TextureFormat); 4] = [
     (37, wgpu::TextureFormat::Rgba8Unorm),
     (44, wgpu::TextureFormat::Bgra8Unorm),
 ];
+
+/// D32_SFLOAT, as Vulkan numbers it: what our depth buffers are made of.
+const DEPTH: u32 = 126;
 
 /// How long to wait for the compositor to give an image back. Longer is a hang, and an error is better than one.
 const IMAGE_TIMEOUT: i64 = 5_000_000_000;
@@ -37,23 +41,45 @@ impl Images {
         let offered = session.enumerate_swapchain_formats().named("its picture formats")?;
         let (code, format) = choose(&offered)
             .ok_or_else(|| VrError::Graphics(format!("the runtime offers no 8-bit colour format, only {offered:?}")))?;
+        let usage =
+            xr::SwapchainUsageFlags::COLOR_ATTACHMENT | xr::SwapchainUsageFlags::SAMPLED | xr::SwapchainUsageFlags::TRANSFER_SRC;
+        Self::make(session, context, (code, usage), ImageShape { width, height, layers, format })
+    }
+
+    /// Makes a swapchain for the depth of pictures; none where the runtime has no such format.
+    pub fn depth(
+        session: &xr::Session<xr::Vulkan>,
+        context: &Context,
+        (width, height): (u32, u32),
+        layers: u32,
+    ) -> Result<Option<Self>, VrError> {
+        if !session.enumerate_swapchain_formats().named("its picture formats")?.contains(&DEPTH) {
+            return Ok(None);
+        }
+        let usage = xr::SwapchainUsageFlags::DEPTH_STENCIL_ATTACHMENT | xr::SwapchainUsageFlags::SAMPLED;
+        Self::make(session, context, (DEPTH, usage), ImageShape { width, height, layers, format: DEPTH_FORMAT }).map(Some)
+    }
+
+    fn make(
+        session: &xr::Session<xr::Vulkan>,
+        context: &Context,
+        (format, usage_flags): (u32, xr::SwapchainUsageFlags),
+        shape: ImageShape,
+    ) -> Result<Self, VrError> {
         let info = xr::SwapchainCreateInfo {
             create_flags: xr::SwapchainCreateFlags::EMPTY,
-            usage_flags: xr::SwapchainUsageFlags::COLOR_ATTACHMENT
-                | xr::SwapchainUsageFlags::SAMPLED
-                | xr::SwapchainUsageFlags::TRANSFER_SRC,
-            format: code,
+            usage_flags,
+            format,
             sample_count: 1,
-            width,
-            height,
+            width: shape.width,
+            height: shape.height,
             face_count: 1,
-            array_size: layers,
+            array_size: shape.layers,
             mip_count: 1,
         };
         let swapchain = Arc::new(Mutex::new(session.create_swapchain(&info).named("a swapchain")?));
-        let shape = ImageShape { width, height, layers, format };
         let textures = interop::import_images(context, &swapchain, shape)?;
-        let targets = textures.iter().map(|t| ColourTarget::of_texture(t, format)).collect();
+        let targets = textures.iter().map(|t| ColourTarget::of_texture(t, shape.format)).collect();
         Ok(Self { targets, textures, swapchain, shape })
     }
 
@@ -78,6 +104,18 @@ impl Images {
     /// Hands the image to the compositor.
     pub fn release(&self) -> Result<(), VrError> {
         self.lock().release_image().named("giving an image back")
+    }
+
+    /// How many images there are.
+    pub fn len(&self) -> usize {
+        self.textures.len()
+    }
+
+    /// Leaves an image that was read as the runtime wants it back: as a colour attachment.
+    pub fn give_back(&self, index: usize, encoder: &mut wgpu::CommandEncoder) {
+        let texture = &self.textures[index];
+        let back = wgpu::TextureTransition { texture, selector: None, state: wgpu::TextureUses::COLOR_TARGET };
+        encoder.transition_resources(std::iter::empty(), std::iter::once(back));
     }
 
     /// An image to draw into.
