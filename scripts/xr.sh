@@ -9,7 +9,7 @@
 readonly xr_tree="$root/target/openxr"
 readonly xr_packages="monado-service libopenxr1-monado libopenxr-loader1 mesa-vulkan-drivers vulkan-validationlayers
     openxr-layer-corevalidation"
-# What a window needs in the unpacked tree: winit loads these by name.
+# What a window needs: winit loads these by name.
 readonly xr_window_packages="libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon-x11-0 libxcb1"
 readonly xr_next_suite=trixie
 
@@ -50,16 +50,16 @@ distribution_has_monado() {
 }
 
 has_distribution_runtime() {
-    # shellcheck disable=SC2086  # a list of words
-    dpkg -s $xr_packages >/dev/null 2>&1
+    # shellcheck disable=SC2086  # lists of words
+    dpkg -s $xr_packages $xr_window_packages >/dev/null 2>&1
 }
 
 install_distribution_runtime() {
     can_install || return 1
-    # shellcheck disable=SC2086  # a list of words
-    say "Installing" $xr_packages
+    # shellcheck disable=SC2086  # lists of words
+    say "Installing" $xr_packages $xr_window_packages
     # shellcheck disable=SC2086
-    install $xr_packages || true
+    install $xr_packages $xr_window_packages || true
     has_distribution_runtime
 }
 

@@ -212,6 +212,8 @@ pub struct VrSettings {
     pub refresh_rate: f64,
     /// Shows one eye in a window, too, where there is a display.
     pub mirror: bool,
+    /// How long a runtime that has stopped is waited for, seconds; then the work is saved and the program ends.
+    pub return_time: f64,
 }
 
 impl Default for VrSettings {
@@ -224,6 +226,7 @@ impl Default for VrSettings {
             snap_turn: 0.5,
             refresh_rate: 0.0,
             mirror: true,
+            return_time: 5.0,
         }
     }
 }
@@ -338,6 +341,7 @@ impl Config {
         }
         rules.range("vr.reach", vr.reach, 0.0, 1.0, "from 0 to 1 m");
         rules.range("vr.snap_turn", vr.snap_turn, 0.0, std::f64::consts::PI, "from 0 to pi radians");
+        rules.range("vr.return_time", vr.return_time, 0.0, 3600.0, "from 0 to 3600 s");
         rules.range("vr.refresh_rate", vr.refresh_rate, 0.0, 1000.0, "from 0 to 1000 a second");
         rules.0
     }

@@ -11,5 +11,7 @@ mod failures;
 mod remote;
 #[path = "vr/service.rs"]
 mod service;
+#[path = "vr/steady.rs"]
+mod steady;
 #[path = "vr/surgery.rs"]
 mod surgery;

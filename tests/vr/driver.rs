@@ -29,6 +29,8 @@ pub struct Led {
     /// The model's bounds.
     pub low: DVec3,
     pub high: DVec3,
+    /// How far the head looks down, radians.
+    pub pitch: f32,
     hands: [Controller; 2],
     frames: usize,
 }
@@ -40,7 +42,7 @@ impl Led {
         let address = listener.local_addr().expect("its address").to_string();
         let mut remote = connect(service);
         let away = Controller { position: [0.0, 1.0, 0.5], ..Controller::default() };
-        remote.send(HEAD, &[away; 2]).expect("the service takes it");
+        remote.send(HEAD, 0.0, &[away; 2]).expect("the service takes it");
         let all = [&["vr"], arguments, &["--lockstep", &address]].concat();
         let mut command = service.incise(&all);
         for (name, value) in more {
@@ -58,6 +60,7 @@ impl Led {
             placement: Placement { position: DVec3::ZERO, yaw: 0.0, scale: 1.0 },
             low: DVec3::ZERO,
             high: DVec3::ZERO,
+            pitch: 0.0,
             hands: [away; 2],
             frames: 0,
         };
@@ -88,6 +91,11 @@ impl Led {
         &mut self.hands[hand]
     }
 
+    /// Frames so far.
+    pub fn frames(&self) -> usize {
+        self.frames
+    }
+
     /// One frame with the hands as they are.
     pub fn frame(&mut self, capture: bool) {
         let line = self.line();
@@ -96,7 +104,7 @@ impl Led {
         // No two packets that follow each other are alike, so that what the program sees is this one and its buttons.
         let mut hands = self.hands;
         hands[0].position[0] += TICK * (self.frames % 2) as f32;
-        self.remote.send(HEAD, &hands).expect("the service takes it");
+        self.remote.send(HEAD, self.pitch, &hands).expect("the service takes it");
         let mut say = String::from("expect");
         for Controller { position: [x, y, z], trigger, squeeze, .. } in hands {
             say += &format!(" {x} {y} {z} {trigger} {squeeze}");
@@ -131,10 +139,17 @@ impl Led {
         self.ends_well()
     }
 
-    /// Waits for the program's end, at most half a minute.
+    /// Reads and writes of files by the program so far; what goes through sockets does not count.
+    pub fn file_calls(&self) -> u64 {
+        let io = std::fs::read_to_string(format!("/proc/{}/io", self.program.id())).expect("a process has this file");
+        let count = |name: &str| io.lines().find_map(|l| l.strip_prefix(name)).and_then(|n| n.trim().parse::<u64>().ok());
+        count("syscr:").expect("reads") + count("syscw:").expect("writes")
+    }
+
+    /// Waits for the program's end, at most two minutes.
     pub fn ends_well(mut self) -> bool {
         let mut code = None;
-        within(Duration::from_secs(30), || {
+        within(Duration::from_secs(120), || {
             code = self.program.try_wait().ok().flatten();
             code.is_some()
         });
@@ -144,7 +159,7 @@ impl Led {
     /// Leads on after the service was started anew.
     pub fn reconnect(&mut self, service: &Service) {
         self.remote = connect(service);
-        self.remote.send(HEAD, &self.hands).expect("the service takes it");
+        self.remote.send(HEAD, self.pitch, &self.hands).expect("the service takes it");
     }
 }
 
@@ -157,7 +172,7 @@ impl Drop for Led {
 
 fn connect(service: &Service) -> Remote {
     let mut remote = None;
-    within(Duration::from_secs(10), || {
+    within(Duration::from_secs(60), || {
         remote = Remote::connect(service.port).ok();
         remote.is_some()
     });

@@ -29,6 +29,13 @@ fn a_start_without_loader_runtime_or_service_says_which() {
     assert!(service.contains("service does not answer"), "{service}");
 }
 
+/// A file of settings that has the program wait so many seconds for a runtime to come back.
+fn patience(service: &Service, seconds: f64) -> String {
+    let file = service.folder.join("patience.toml");
+    std::fs::write(&file, format!("[vr]\nreturn_time = {seconds}\n")).expect("written");
+    file.display().to_string()
+}
+
 /// Tears across the front and keeps the blade in.
 fn tear(led: &mut Led) {
     let (low, high) = (led.low, led.high);
@@ -45,7 +52,8 @@ fn tear(led: &mut Led) {
 #[ignore = "scripts/test-vr runs it"]
 fn a_runtime_that_dies_leaves_the_work() {
     let mut service = Service::start("dies", Compositor::Null);
-    let mut led = Led::start(&service, &["heart", "--animation", "none"], &[]);
+    let settings = patience(&service, 0.5);
+    let mut led = Led::start(&service, &["heart", "--animation", "none", "--config", &settings], &[]);
     tear(&mut led);
     service.kill();
     assert!(!led.ends_well(), "it cannot go on");
@@ -60,7 +68,8 @@ fn a_runtime_that_dies_leaves_the_work() {
 #[ignore = "scripts/test-vr runs it"]
 fn a_runtime_that_comes_back_is_used_again() {
     let mut service = Service::start("back", Compositor::Null);
-    let mut led = Led::start(&service, &["heart", "--animation", "none", "--out", "out"], &[]);
+    let settings = patience(&service, 120.0);
+    let mut led = Led::start(&service, &["heart", "--animation", "none", "--out", "out", "--config", &settings], &[]);
     tear(&mut led);
     service.kill();
     service.start_monado();

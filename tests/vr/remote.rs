@@ -12,6 +12,8 @@ pub struct Controller {
     pub position: [f32; 3],
     pub trigger: f32,
     pub squeeze: f32,
+    /// Stick to the right, -1 to 1.
+    pub stick: f32,
     /// The lower button of the hand.
     pub a: bool,
     /// The upper one.
@@ -29,11 +31,12 @@ impl Remote {
         Ok(Self(stream))
     }
 
-    pub fn send(&mut self, head: [f32; 3], hands: &[Controller; 2]) -> std::io::Result<()> {
+    /// `pitch`: how far the head looks down, radians.
+    pub fn send(&mut self, head: [f32; 3], pitch: f32, hands: &[Controller; 2]) -> std::io::Result<()> {
         let mut bytes = Vec::with_capacity(PACKET);
         bytes.extend_from_slice(b"mndrmt3\0");
         bytes.extend_from_slice(&[0; 96]); // views of their own: none
-        put(&mut bytes, &UPRIGHT);
+        put(&mut bytes, &[-(0.5 * pitch).sin(), 0.0, 0.0, (0.5 * pitch).cos()]);
         put(&mut bytes, &head);
         bytes.extend_from_slice(&[0; 4]);
         for hand in hands {
@@ -41,7 +44,7 @@ impl Remote {
             put(&mut bytes, &hand.position);
             put(&mut bytes, &[0.0; 6]); // velocities
             put(&mut bytes, &[0.0; 5]); // fingers
-            put(&mut bytes, &[hand.trigger, hand.squeeze, hand.squeeze, 0.0, 0.0, 0.0, 0.0, 0.0]);
+            put(&mut bytes, &[hand.trigger, hand.squeeze, hand.squeeze, hand.stick, 0.0, 0.0, 0.0, 0.0]);
             let on = |b: bool| u8::from(b);
             // hand tracking, active, system, a, b, trigger: clicked and touched each; stick, trackpad, padding
             let (pulled, touched) = (on(hand.trigger > 0.9), on(hand.trigger > 0.0));

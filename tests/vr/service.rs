@@ -1,6 +1,8 @@
 //! Processes of a run: the runtime's service, an X server for its window, and the program itself.
 
+use std::io::{BufRead, BufReader};
 use std::net::TcpListener;
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -60,15 +62,78 @@ pub fn within(time: Duration, mut so: impl FnMut() -> bool) -> bool {
 pub enum Compositor {
     /// Not at all, 20 times a second.
     Null,
-    /// Into a window of an X server of its own.
-    Window,
+    /// Into a window of an X server of its own; eyes of this percentage of their full size.
+    Window(u32),
+}
+
+/// An X server that keeps its picture in a file.
+pub struct Display {
+    _server: Kept,
+    name: String,
+    folder: PathBuf,
+}
+
+impl Display {
+    /// Starts one and waits until it says which number it has taken.
+    fn start(folder: PathBuf, size: &str) -> Self {
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let mut command = Command::new("Xvfb");
+        command.args(["-displayfd", "1", "-screen", "0", size, "-nolisten", "tcp", "-fbdir"]).arg(&folder);
+        let mut server = Kept::spawn(command.stdout(Stdio::piped()).stderr(Stdio::null()));
+        let mut number = String::new();
+        let said = BufReader::new(server.0.stdout.take().expect("piped")).read_line(&mut number);
+        assert!(said.is_ok() && !number.trim().is_empty(), "Xvfb does not start");
+        Self { _server: server, name: format!(":{}", number.trim()), folder }
+    }
+
+    /// What to set DISPLAY to.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The screen as it is now: RGB and its size.
+    pub fn screen(&self) -> Screen {
+        let bytes = std::fs::read(self.folder.join("Xvfb_screen0")).expect("the X server's picture");
+        let word = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().expect("4 bytes"));
+        // an X window dump: header size, then 4 width, 5 height, 12 bytes a line, 19 colours of 12 bytes each
+        let (header, width, height, line, colours) = (word(0), word(4), word(5), word(12), word(19));
+        let start = (header + 12 * colours) as usize;
+        let row = |y: u32| &bytes[start + (y * line) as usize..][..4 * width as usize];
+        let rgb = (0..height).flat_map(|y| row(y).chunks_exact(4).flat_map(|p| [p[2], p[1], p[0]])).collect();
+        image::RgbImage::from_raw(width, height, rgb).expect("as large as it says")
+    }
+
+    /// The screen once it shows something and no longer changes.
+    pub fn settled(&self) -> Screen {
+        let mut last = self.screen();
+        let still = within(Duration::from_secs(60), || {
+            std::thread::sleep(Duration::from_millis(300));
+            let now = self.screen();
+            let settled = lit_share(&now) > 0.05 && now == last;
+            last = now;
+            settled
+        });
+        assert!(still, "the screen shows nothing, or never the same: {} of it is lit", lit_share(&last));
+        last
+    }
+}
+
+/// A picture of an X server.
+pub type Screen = image::RgbImage;
+
+/// Share of pixels that are not nearly black.
+pub fn lit_share(screen: &Screen) -> f64 {
+    screen.pixels().filter(|p| p.0.iter().any(|&c| c > 40)).count() as f64 / screen.len().max(3) as f64 * 3.0
 }
 
 /// A runtime with a scripted headset, in a folder of its own.
 pub struct Service {
     // In the order to end them: the service goes first, or it hangs for want of its X server.
     monado: Option<Kept>,
-    x_server: Option<Kept>,
+    /// Where the compositor shows its pictures, if it does.
+    pub display: Option<Display>,
+    /// Where windows of the program go, if they may.
+    pub desktop: Option<Display>,
     pub folder: PathBuf,
     pub port: u16,
     compositor: Compositor,
@@ -83,55 +148,62 @@ impl Service {
         std::fs::create_dir_all(folder.join("config/monado")).expect("a folder");
         use std::os::unix::fs::PermissionsExt;
         std::fs::set_permissions(&folder, std::fs::Permissions::from_mode(0o700)).expect("ours alone");
-        let port = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a free port").port();
-        Self { monado: None, x_server: None, folder, port, compositor: Compositor::Null }
+        Self { monado: None, display: None, desktop: None, folder, port: 0, compositor: Compositor::Null }
     }
 
     /// Starts a service and waits until it answers.
     pub fn start(name: &str, compositor: Compositor) -> Self {
         let mut service = Self::absent(name);
         service.compositor = compositor;
-        if compositor == Compositor::Window {
-            service.start_x_server();
+        if compositor != Compositor::Null {
+            service.display = Some(Display::start(service.folder.join("display"), "960x540x24"));
         }
         service.start_monado();
         service
     }
 
-    fn display(&self) -> String {
-        format!(":{}", 100 + self.port % 800)
+    /// Gives the program a display for its windows.
+    pub fn with_desktop(mut self) -> Self {
+        self.desktop = Some(Display::start(self.folder.join("desktop"), "960x720x24"));
+        self
     }
 
-    fn start_x_server(&mut self) {
-        let mut command = Command::new("Xvfb");
-        command.arg(self.display()).args(["-screen", "0", "960x540x24", "-nolisten", "tcp", "-fbdir"]).arg(&self.folder);
-        self.x_server = Some(Kept::spawn(command.stdout(Stdio::null()).stderr(Stdio::null())));
-        let socket = format!("/tmp/.X11-unix/X{}", &self.display()[1..]);
-        assert!(within(Duration::from_secs(10), || Path::new(&socket).exists()), "Xvfb does not start");
-    }
-
-    /// Starts the service, anew after [`Service::kill`].
+    /// Starts the service, anew after [`Service::kill`], and waits until it answers; a service that ends at once is tried again.
     pub fn start_monado(&mut self) {
+        for _ in 0..5 {
+            if self.try_monado() {
+                return;
+            }
+            self.kill();
+        }
+        panic!("no service: {}", self.log());
+    }
+
+    fn try_monado(&mut self) -> bool {
+        self.port = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a free port").port();
         let settings = format!(r#"{{"active":"remote","remote":{{"version":0,"port":{},"view_count":2}}}}"#, self.port);
         std::fs::write(self.folder.join("config/monado/config_v0.json"), settings).expect("written");
         let socket = self.folder.join("monado_comp_ipc");
         let _ = std::fs::remove_file(&socket);
         let mut command = behind_prefix(&exported("INCISE_XR_SERVICE"));
         self.environment(&mut command);
-        command.env("XRT_NO_STDIN", "1").env("XRT_COMPOSITOR_SCALE_PERCENTAGE", "30");
-        command.env_remove("VK_INSTANCE_LAYERS");
-        match self.compositor {
-            Compositor::Null => command.env("XRT_COMPOSITOR_NULL", "1"),
-            Compositor::Window => command
+        command.env("XRT_NO_STDIN", "1").env_remove("VK_INSTANCE_LAYERS");
+        match (self.compositor, &self.display) {
+            (Compositor::Window(percent), Some(display)) => command
                 .env("XRT_COMPOSITOR_FORCE_XCB", "1")
-                .env("DISPLAY", self.display())
+                .env("DISPLAY", display.name())
+                .env("XRT_COMPOSITOR_SCALE_PERCENTAGE", percent.to_string())
                 .env("XRT_COMPOSITOR_DEFAULT_FRAMERATE", "90"),
+            _ => command.env("XRT_COMPOSITOR_NULL", "1"),
         };
         let log = std::fs::File::create(self.folder.join("service.log")).expect("a log");
         command.stdout(log.try_clone().expect("a log")).stderr(log);
-        self.monado = Some(Kept::spawn(&mut command));
-        assert!(within(Duration::from_secs(20), || socket.exists()), "no service: {}", self.log());
-        std::thread::sleep(Duration::from_millis(300));
+        let monado = self.monado.insert(Kept::spawn(&mut command));
+        let mut ended = false;
+        within(Duration::from_secs(60), || {
+            ended = matches!(monado.0.try_wait(), Ok(Some(_)));
+            ended || UnixStream::connect(&socket).is_ok()
+        }) && !ended
     }
 
     /// Ends the service at once, as a crash would.
@@ -156,31 +228,19 @@ impl Service {
         self.environment(&mut command);
         let loader = Path::new(&exported("INCISE_XR_LOADER")).join("libopenxr_loader.so.1");
         command.env("INCISE_OPENXR_LOADER", loader).current_dir(&self.folder).args(arguments);
+        match &self.desktop {
+            Some(desktop) => command.env("DISPLAY", desktop.name()),
+            None => command.env_remove("DISPLAY"),
+        };
+        command.env_remove("WAYLAND_DISPLAY");
         command
-    }
-
-    /// True if the compositor shows its pictures.
-    pub fn has_window(&self) -> bool {
-        self.compositor == Compositor::Window
-    }
-
-    /// The X server's screen as it is now: RGB and its size.
-    pub fn screen(&self) -> (Vec<u8>, u32, u32) {
-        let bytes = std::fs::read(self.folder.join("Xvfb_screen0")).expect("the X server's picture");
-        let word = |i: usize| u32::from_be_bytes(bytes[4 * i..4 * i + 4].try_into().expect("4 bytes"));
-        // an X window dump: header size, then 4 width, 5 height, 12 bytes a line, 19 colours of 12 bytes each
-        let (header, width, height, line, colours) = (word(0), word(4), word(5), word(12), word(19));
-        let start = (header + 12 * colours) as usize;
-        let row = |y: u32| &bytes[start + (y * line) as usize..][..4 * width as usize];
-        let rgb = (0..height).flat_map(|y| row(y).chunks_exact(4).flat_map(|p| [p[2], p[1], p[0]])).collect();
-        (rgb, width, height)
     }
 }
 
 impl Drop for Service {
     fn drop(&mut self) {
         self.monado = None;
-        self.x_server = None;
+        (self.display, self.desktop) = (None, None);
         if !std::thread::panicking() {
             let _ = std::fs::remove_dir_all(&self.folder);
         }

@@ -31,8 +31,6 @@ pub use super::headset::Capture as EyePictures;
 
 /// A step of a lockstep run: the clock of a runtime without a headset is the wall's, and no two runs would be alike.
 const LOCKSTEP_S: f64 = 1.0 / 90.0;
-/// How long to wait for a runtime to come back after it has gone.
-const COMES_BACK: Duration = Duration::from_secs(3);
 /// The user stands here where the head is not tracked yet.
 const STANDING: Pose = Pose { position: DVec3::new(0.0, 1.6, 0.0), rotation: glam::DQuat::IDENTITY };
 
@@ -161,7 +159,7 @@ pub fn run(app: &mut App, options: &VrOptions, outcome: &mut VrOutcome) -> Resul
 /// Tries for a while to open a session anew.
 fn reopen(settings: &VrSettings) -> Option<Headset> {
     let start = Instant::now();
-    while start.elapsed() < COMES_BACK {
+    while start.elapsed().as_secs_f64() < settings.return_time {
         if let Ok(headset) = Headset::open(settings) {
             return Some(headset);
         }

@@ -1,0 +1,202 @@
+//! A beating heart, taken up with two hands and torn: what a frame may cost, and what those see who look on.
+
+use super::driver::{Led, log_of};
+use super::service::{Compositor, Screen, Service};
+use glam::DVec3;
+use incise::gpu::blit::middle_part;
+use incise::host::vr::space::Placement;
+use serde_json::Value;
+
+/// The first second, at 90 pictures a second.
+const FIRST_SECOND: usize = 90;
+const STROKE_FRAMES: usize = 50;
+const PULL: f32 = 0.6;
+
+/// A run's own account, and what was seen meanwhile.
+struct Seen {
+    report: Value,
+    /// Frames in which nothing was opened yet, from the first second on.
+    steady: std::ops::Range<usize>,
+    /// Frames in which the heart was torn.
+    torn: std::ops::Range<usize>,
+    /// Reads and writes of files in all those frames.
+    file_calls: u64,
+    /// Where the model should stand in the end.
+    placement: Placement,
+    /// Both eyes, as the compositor shows them, and the mirror.
+    screens: [Screen; 2],
+}
+
+fn place(led: &mut Led, hand: usize, at: DVec3) {
+    led.hand(hand).position = at.as_vec3().to_array();
+}
+
+/// Two hands in the air take hold of the model and move it: from `from` to `to`, left and right, in the room.
+fn carry(led: &mut Led, from: [DVec3; 2], to: [DVec3; 2]) {
+    for step in 0..=12 {
+        let way = f64::from(step.max(2) - 2) / 10.0;
+        for hand in 0..2 {
+            place(led, hand, from[hand].lerp(to[hand], way));
+            led.hand(hand).squeeze = if step > 0 { 1.0 } else { 0.0 };
+        }
+        led.frame(false);
+    }
+    for hand in 0..2 {
+        led.hand(hand).squeeze = 0.0;
+    }
+    led.frame(false);
+    led.placement = led.placement.stretched(from, to);
+}
+
+fn operate(service: &Service) -> Seen {
+    let mut led = Led::start(service, &["heart", "--out", "out"], &[]);
+    for _ in 0..5 {
+        led.frame(false);
+    }
+    led.pitch = 0.35;
+    let before = led.placement.scale;
+    let hands = |apart: f64, y: f64, z: f64| [DVec3::new(-apart, y, z), DVec3::new(apart, y, z)];
+    carry(&mut led, hands(0.16, 1.35, -0.4), hands(0.4, 1.33, -0.42));
+    assert!(led.placement.scale > 2.4 * before, "the model is larger now");
+    let (low, high) = (led.low, led.high);
+    let (size, middle) = (high - low, 0.5 * (low + high));
+    let aside = DVec3::new(-0.25, 1.15, -0.3);
+    place(&mut led, 0, aside);
+    place(&mut led, 1, DVec3::new(0.25, 1.15, -0.3));
+    while led.frames() < FIRST_SECOND {
+        led.frame(false);
+    }
+    let (start, calls) = (led.frames(), led.file_calls());
+    for _ in 0..30 {
+        led.frame(false);
+    }
+    let stroke = led.frames()..led.frames() + STROKE_FRAMES;
+    for i in 0..STROKE_FRAMES {
+        let down = i as f64 / (STROKE_FRAMES - 1) as f64;
+        let tip = DVec3::new(middle.x + 0.04 * size.x, middle.y + size.y * (0.18 - 0.36 * down), high.z - 0.25 * size.z);
+        led.hand(1).position = led.grip_for(tip, PULL);
+        led.hand(1).trigger = PULL;
+        led.frame(false);
+    }
+    led.hand(1).trigger = 0.0;
+    for _ in 0..30 {
+        led.frame(false);
+    }
+    let (end, file_calls) = (led.frames(), led.file_calls() - calls);
+    // For the pictures: one lip held aside, the scalpel before the wound, the panel open beside them.
+    for i in 0..20 {
+        let pulled = (f64::from(i) - 4.0).max(0.0) / 15.0;
+        let tip = DVec3::new(middle.x - size.x * (0.12 + 0.15 * pulled), middle.y, high.z + size.z * (0.15 * pulled - 0.05));
+        led.hand(0).position = led.grip_for(tip, 0.0);
+        led.hand(0).trigger = if i > 2 { 1.0 } else { 0.0 };
+        led.hand(1).position =
+            led.grip_for(DVec3::new(middle.x + 0.3 * size.x, middle.y - 0.1 * size.y, high.z + 0.1 * size.z), 0.0);
+        led.frame(false);
+    }
+    led.press_b(1);
+    for _ in 0..3 {
+        led.frame(true);
+    }
+    let shown = [service.display.as_ref(), service.desktop.as_ref()];
+    let screens = shown.map(|display| display.expect("both displays").settled());
+    // One turn of the user to the left.
+    led.press_b(1);
+    led.hand(0).trigger = 0.0;
+    for stick in [0.0, -0.9, -0.9, 0.0] {
+        led.hand(1).stick = stick;
+        led.frame(false);
+    }
+    let placement = led.placement.turned_about(DVec3::new(0.0, 1.6, 0.0), -0.5);
+    assert!(led.quit(), "a clean exit: {}", log_of(service));
+    let report = std::fs::read_to_string(service.folder.join("out/report.json")).expect("a report");
+    let report = serde_json::from_str(&report).expect("JSON");
+    Seen { report, steady: start..end, torn: stroke, file_calls, placement, screens }
+}
+
+fn check_costs(seen: &Seen) {
+    let frames = seen.report["frames"].as_array().expect("frames");
+    let number = |frame: &Value, key: &str| frame[key].as_u64().unwrap_or_else(|| panic!("{key}"));
+    let torn = seen.torn.clone();
+    let mut still = 0;
+    for i in seen.steady.clone() {
+        let frame = &frames[i];
+        assert_eq!(number(frame, "pipelines"), 0, "frame {i} compiles");
+        assert_eq!(number(frame, "dispatches"), 2, "frame {i}: the heart beats");
+        if number(frame, "commands") == 0 {
+            still += 1;
+            assert_eq!(number(frame, "allocations"), 0, "frame {i}: nothing is edited, and something allocated");
+        }
+    }
+    assert!(still >= 50, "{still} frames without an edit");
+    // The controls: what is counted is seen where it is.
+    let compiled: u64 = frames[..FIRST_SECOND].iter().map(|f| number(f, "pipelines")).sum();
+    assert!(compiled > 10, "{compiled} pipelines at the start");
+    let edits = frames[torn.clone()].iter().filter(|f| number(f, "commands") > 0 && number(f, "allocations") > 0).count();
+    assert!(edits > torn.len() / 2, "an edit leaves its way back");
+    assert_eq!(seen.file_calls, 0, "reads and writes of files");
+    let outcomes: Vec<&str> =
+        seen.report["edits"].as_array().expect("edits").iter().filter_map(|e| e["outcome"].as_str()).collect();
+    assert_eq!(outcomes, ["torn"]);
+    // For those who read the log: the CPU's side, without the wait for the compositor's image.
+    let cpu = |i: usize| {
+        let stages = frames[i]["stages_ms"].as_object().expect("stages");
+        stages.iter().filter(|(name, _)| *name != "image").filter_map(|(_, ms)| ms.as_f64()).sum::<f64>()
+    };
+    for (what, range) in [("beating", seen.steady.start..torn.start), ("torn", torn)] {
+        let mut ms: Vec<f64> = range.map(cpu).collect();
+        ms.sort_by(f64::total_cmp);
+        println!("CPU of a frame, {what}: median {:.2} ms, most {:.2} ms", ms[ms.len() / 2], ms[ms.len() - 1]);
+    }
+}
+
+fn check_placement(seen: &Seen) {
+    let stands = &seen.report["placement"];
+    let at = |i: usize| stands["position"][i].as_f64().expect("metres");
+    let off = DVec3::new(at(0), at(1), at(2)).distance(seen.placement.position);
+    assert!(off < 1e-4, "{off} m beside where two hands and a turn have brought it");
+    assert!((stands["scale"].as_f64().expect("a scale") - seen.placement.scale).abs() < 1e-4);
+    assert!((stands["yaw"].as_f64().expect("radians") - seen.placement.yaw).abs() < 1e-4);
+    assert!(seen.placement.yaw.abs() > 0.4, "it was turned");
+}
+
+/// The mirror shows the middle of what the left eye sees.
+fn check_mirror(seen: &Seen, eye: &Screen) {
+    assert!(seen.report["mirrored"].as_u64() > Some(20), "{}", seen.report["mirrored"]);
+    let mirror = &seen.screens[1];
+    let [left, top, width, height] = middle_part(eye.dimensions(), mirror.dimensions(), 0.75);
+    let off = |shift: f32| {
+        let mut sum = 0.0;
+        let mut count = 0.0;
+        for (x, y, pixel) in mirror.enumerate_pixels().filter(|(x, y, _)| x % 5 == 0 && y % 5 == 0) {
+            let along = |at: u32, of: u32| (at as f32 + 0.5) / of as f32;
+            let u = left + width * along(x, mirror.width()) + shift;
+            let v = top + height * along(y, mirror.height());
+            let place = |t: f32, of: u32| ((t * of as f32) as u32).min(of - 1);
+            let there = eye.get_pixel(place(u, eye.width()), place(v, eye.height()));
+            sum += (0..3).map(|c| f64::from(pixel.0[c].abs_diff(there.0[c]))).sum::<f64>() / 3.0;
+            count += 1.0;
+        }
+        sum / count
+    };
+    let (here, beside) = (off(0.0), off(0.1));
+    assert!(here < 3.0, "{here} steps a channel from the eye's picture");
+    assert!(beside > 2.0 * here, "the measure sees a picture that is elsewhere: {beside} and {here}");
+}
+
+#[test]
+#[ignore = "scripts/test-vr runs it"]
+fn a_beating_heart_is_carried_and_torn_without_a_hitch_and_others_look_on() {
+    let service = Service::start("steady", Compositor::Window(50)).with_desktop();
+    let seen = operate(&service);
+    check_costs(&seen);
+    check_placement(&seen);
+    let eye = image::open(service.folder.join("out/eye-0.png")).expect("the left eye").to_rgb8();
+    check_mirror(&seen, &eye);
+    assert_eq!(seen.report["depth"], true, "the compositor takes depth, and gets it");
+    if let Some(folder) = std::env::var_os("INCISE_XR_KEEP").map(std::path::PathBuf::from) {
+        std::fs::create_dir_all(&folder).expect("a folder");
+        seen.screens[0].save(folder.join("stereo.png")).expect("written");
+        seen.screens[1].save(folder.join("mirror.png")).expect("written");
+        eye.save(folder.join("steady-eye-0.png")).expect("written");
+    }
+}
