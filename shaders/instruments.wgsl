@@ -1,6 +1,7 @@
 // Instruments: steel that mirrors the room, a translucent sheet with a grid for the plane of a cut, glass for a poking sphere.
 
 @group(1) @binding(0) var<storage, read> tools: array<ToolVertex>;
+@group(1) @binding(1) var<uniform> place: ToolPlace;
 
 const STEEL: u32 = 0u;
 const BLADE: u32 = 1u;
@@ -20,11 +21,16 @@ struct Part {
 @vertex
 fn tool_corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> Part {
     let corner = tools[index];
-    let position = vec3f(corner.position[0], corner.position[1], corner.position[2]);
+    let open = vec3f(corner.position[0] + corner.opens * place.opening.x, corner.position[1], corner.position[2]);
+    let at_tool = vec4f(open, 1.0);
+    let world = place.world_from_tool;
+    let position = vec3f(dot(world[0], at_tool), dot(world[1], at_tool), dot(world[2], at_tool));
+    let across = vec4f(corner.normal[0], corner.normal[1], corner.normal[2], 0.0);
+    let turned = place.normal_from_tool;
     var out: Part;
     out.position = position;
-    out.normal = vec3f(corner.normal[0], corner.normal[1], corner.normal[2]);
-    out.colour = unpack4x8unorm(corner.colour);
+    out.normal = vec3f(dot(turned[0], across), dot(turned[1], across), dot(turned[2], across));
+    out.colour = place.colour;
     // A sheet's corners come as 0 1 2 and 0 2 3 of a square, a digit each; six a sheet, and nothing else counts them.
     let at = (0x320210u >> (4u * (index % 6u))) & 3u;
     out.sheet = vec2f(select(-1.0, 1.0, at == 1u || at == 2u), select(-1.0, 1.0, at >= 2u));

@@ -119,7 +119,15 @@ struct ToolVertex {
     position: array<f32, 3>,
     stuff: u32,
     normal: array<f32, 3>,
-    colour: u32, // RGBA8, linear, red lowest
+    opens: f32, // how far it goes along x for each metre that the tool opens
+}
+
+// Where an instrument is, and how it looks.
+struct ToolPlace {
+    world_from_tool: array<vec4f, 3>, // rows of 3 x 4
+    normal_from_tool: array<vec4f, 3>, // rows: the cofactors of the above
+    colour: vec4f,
+    opening: vec4f, // metres that the tool is open, then nothing
 }
 
 // True where the target stores what it is given: then we apply the sRGB curve, else the hardware does.

@@ -5,9 +5,10 @@ use super::belt::Belt;
 use super::context::Context;
 use super::pipelines::{PipelineFamily, PipelineKey, Shape};
 use super::stage::{Stage, storage_entry};
-use super::tool_meshes::{self, Corners, Stuff, ToolMeshes};
-use super::types::ToolVertex;
-use glam::DAffine3;
+use super::tool_meshes::{Stuff, ToolMeshes};
+use super::types::{ToolPlace, ToolVertex};
+use glam::{DAffine3, DMat3, DVec3};
+use std::ops::Range;
 
 /// Which instrument.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,31 +48,37 @@ impl Instrument {
         Self { tool: Tool::Scalpel, world_from_tool, colour: [1.0; 4] }
     }
 
-    fn append(&self, meshes: &ToolMeshes, out: &mut Corners) {
-        let first = out.len();
-        match self.tool {
-            Tool::Scalpel => out.extend_from_slice(&meshes.scalpel),
-            Tool::Forceps { opening } => {
-                out.extend_from_slice(&meshes.forceps);
-                tool_meshes::open_forceps(opening, &mut out[first..]);
-            }
-            Tool::Sphere => out.extend_from_slice(&meshes.sphere),
-            Tool::Plane => out.extend_from_slice(&meshes.sheet),
-        }
-        let colour = u32::from_le_bytes(self.colour.map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
-        let linear = self.world_from_tool.matrix3;
-        let cofactor = glam::DMat3::from_cols(
+    fn place(&self) -> ToolPlace {
+        let place = self.world_from_tool;
+        let linear = place.matrix3;
+        let cofactor = DMat3::from_cols(
             linear.y_axis.cross(linear.z_axis),
             linear.z_axis.cross(linear.x_axis),
             linear.x_axis.cross(linear.y_axis),
         );
-        for corner in &mut out[first..] {
-            let local = glam::Vec3::from_array(corner.position).as_dvec3();
-            let normal = cofactor * glam::Vec3::from_array(corner.normal).as_dvec3();
-            corner.position = self.world_from_tool.transform_point3(local).as_vec3().to_array();
-            corner.normal = normal.normalize_or(glam::DVec3::Y).as_vec3().to_array();
-            corner.colour = colour;
+        // Of no size of its own: the shader makes normals unit, and those of a tiny or huge tool would be out of its range.
+        let largest = cofactor.to_cols_array().iter().fold(0.0f64, |m, x| m.max(x.abs())).max(f64::MIN_POSITIVE);
+        let rows = |m: DMat3, t: DVec3| [0, 1, 2].map(|k| m.row(k).extend(t[k]).as_vec4().to_array());
+        let opening = if let Tool::Forceps { opening } = self.tool { opening as f32 } else { 0.0 };
+        ToolPlace {
+            world_from_tool: rows(linear, place.translation),
+            normal_from_tool: rows(cofactor * (1.0 / largest), DVec3::ZERO),
+            colour: self.colour.map(|c| c.clamp(0.0, 1.0)),
+            opening: [opening, 0.0, 0.0, 0.0],
         }
+    }
+
+    fn mesh(&self) -> usize {
+        match self.tool {
+            Tool::Plane => 0,
+            Tool::Scalpel => 1,
+            Tool::Forceps { .. } => 2,
+            Tool::Sphere => 3,
+        }
+    }
+
+    fn is_solid(&self) -> bool {
+        matches!(self.tool, Tool::Scalpel | Tool::Forceps { .. })
     }
 
     fn is_sound(&self) -> bool {
@@ -80,37 +87,68 @@ impl Instrument {
     }
 }
 
-/// Pipelines and buffer of the instruments.
+/// A place in the buffer of places: as far apart as offsets into uniform buffers have to be.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Slot {
+    place: ToolPlace,
+    rest: [f32; (SLOT as usize - size_of::<ToolPlace>()) / 4],
+}
+
+/// Bytes from one place to the next.
+const SLOT: u32 = 256;
+
+/// Pipelines and buffers of the instruments. The meshes are uploaded once, places when one has changed.
 #[derive(Debug)]
 pub struct InstrumentPass {
     layout: wgpu::BindGroupLayout,
     solid: PipelineFamily,
     clear: PipelineFamily,
-    meshes: ToolMeshes,
+    meshes: wgpu::Buffer,
+    ranges: [Range<u32>; 4],
     shown: Vec<Instrument>,
-    corners: Corners,
-    /// Corners of solid parts; translucent ones follow.
-    solid_corners: u32,
-    buffer: Option<(wgpu::Buffer, wgpu::BindGroup)>,
+    slots: Vec<Slot>,
+    /// Corners of each slot's mesh, and whether it is solid; the translucent are drawn last.
+    drawn: Vec<(Range<u32>, bool)>,
+    places: (wgpu::Buffer, wgpu::BindGroup),
 }
 
 impl InstrumentPass {
-    /// Compiles nothing yet.
+    /// Uploads the meshes; compiles nothing yet.
     pub fn new(context: &Context, stage: &Stage) -> Self {
-        let entries = [storage_entry(0, wgpu::ShaderStages::VERTEX)];
+        let place = wgpu::BindGroupLayoutEntry {
+            binding: 1,
+            visibility: wgpu::ShaderStages::VERTEX,
+            ty: wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Uniform,
+                has_dynamic_offset: true,
+                min_binding_size: None,
+            },
+            count: None,
+        };
+        let entries = [storage_entry(0, wgpu::ShaderStages::VERTEX), place];
         let descriptor = wgpu::BindGroupLayoutDescriptor { label: Some("instruments"), entries: &entries };
         let layout = context.device().create_bind_group_layout(&descriptor);
         let solid = Shape { shader: "instruments", vertex: "tool_corner", fragment: Some("tool_surface"), ..Shape::SOLID };
         let clear = Shape { blend: true, depth_write: false, ..solid };
+        let ToolMeshes { corners, ranges } = ToolMeshes::new();
+        let meshes = context.device().create_buffer(&wgpu::BufferDescriptor {
+            label: Some("instruments"),
+            size: (corners.len() * size_of::<ToolVertex>()) as u64,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        context.queue().write_buffer(&meshes, 0, bytemuck::cast_slice(&corners));
         Self {
             solid: PipelineFamily::new(context, solid, &[&stage.layout, &layout]),
             clear: PipelineFamily::new(context, clear, &[&stage.layout, &layout]),
+            places: make_places(context, &layout, &meshes, 8),
             layout,
-            meshes: ToolMeshes::new(),
+            meshes,
+            ranges,
             shown: Vec::new(),
-            corners: Corners::new(),
-            solid_corners: 0,
-            buffer: None,
+            slots: Vec::new(),
+            drawn: Vec::new(),
         }
     }
 
@@ -121,38 +159,22 @@ impl InstrumentPass {
         }
         self.shown.clear();
         self.shown.extend_from_slice(instruments);
-        self.corners.clear();
-        let translucent = |i: &&Instrument| matches!(i.tool, Tool::Plane | Tool::Sphere);
-        let sound = || instruments.iter().filter(|i| i.is_sound());
-        sound().filter(|i| !translucent(i)).for_each(|i| i.append(&self.meshes, &mut self.corners));
-        self.solid_corners = self.corners.len() as u32;
-        sound().filter(translucent).for_each(|i| i.append(&self.meshes, &mut self.corners));
-        if self.corners.is_empty() {
-            return;
+        self.slots.clear();
+        self.drawn.clear();
+        for instrument in instruments.iter().filter(|i| i.is_sound()) {
+            self.slots.push(Slot { place: instrument.place(), rest: bytemuck::Zeroable::zeroed() });
+            self.drawn.push((self.ranges[instrument.mesh()].clone(), instrument.is_solid()));
         }
-        let bytes = (self.corners.len() * size_of::<ToolVertex>()) as u64;
-        if self.buffer.as_ref().is_none_or(|b| b.0.size() < bytes) {
-            let buffer = context.device().create_buffer(&wgpu::BufferDescriptor {
-                label: Some("instruments"),
-                size: bytes + bytes / 2,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            });
-            let group = context.device().create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("instruments"),
-                layout: &self.layout,
-                entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
-            });
-            self.buffer = Some((buffer, group));
+        let bytes: &[u8] = bytemuck::cast_slice(&self.slots);
+        if self.places.0.size() < bytes.len() as u64 {
+            self.places = make_places(context, &self.layout, &self.meshes, 2 * self.slots.len() as u64);
         }
-        if let Some((buffer, _)) = &self.buffer {
-            belt.write(buffer, 0, &self.corners);
-        }
+        belt.write(&self.places.0, 0, bytes);
     }
 
     /// Compiles what a target needs, if there is anything to draw.
     pub fn prepare_target(&mut self, context: &Context, key: PipelineKey) {
-        if !self.corners.is_empty() {
+        if !self.drawn.is_empty() {
             self.compile(context, key);
         }
     }
@@ -163,18 +185,44 @@ impl InstrumentPass {
         self.clear.prepare(context, key);
     }
 
-    /// Draws the solid parts, or the translucent ones, which come after all else. Returns draws.
+    /// Draws the solid ones, or the translucent, which come after all else. Returns draws.
     pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, key: PipelineKey, view: u32, solid: bool) -> u64 {
-        let all = self.corners.len() as u32;
-        let (family, range) = if solid { (&self.solid, 0..self.solid_corners) } else { (&self.clear, self.solid_corners..all) };
-        let Some((_, group)) = self.buffer.as_ref().filter(|_| !range.is_empty()) else { return 0 };
-        if !family.set(pass, key) {
+        let family = if solid { &self.solid } else { &self.clear };
+        let wanted = || self.drawn.iter().enumerate().filter(|(_, (_, is_solid))| *is_solid == solid);
+        if wanted().next().is_none() || !family.set(pass, key) {
             return 0;
         }
-        pass.set_bind_group(1, group, &[]);
-        pass.draw(range, view..view + 1);
-        1
+        wanted().fold(0, |draws, (slot, (corners, _))| {
+            pass.set_bind_group(1, &self.places.1, &[slot as u32 * SLOT]);
+            pass.draw(corners.clone(), view..view + 1);
+            draws + 1
+        })
     }
+}
+
+fn make_places(
+    context: &Context,
+    layout: &wgpu::BindGroupLayout,
+    meshes: &wgpu::Buffer,
+    slots: u64,
+) -> (wgpu::Buffer, wgpu::BindGroup) {
+    let buffer = context.device().create_buffer(&wgpu::BufferDescriptor {
+        label: Some("places of instruments"),
+        size: slots * u64::from(SLOT),
+        usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        mapped_at_creation: false,
+    });
+    let size = std::num::NonZeroU64::new(size_of::<ToolPlace>() as u64);
+    let place = wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: &buffer, offset: 0, size });
+    let group = context.device().create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("instruments"),
+        layout,
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: meshes.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 1, resource: place },
+        ],
+    });
+    (buffer, group)
 }
 
 /// The numbers of [`Stuff`], as the shader has them.

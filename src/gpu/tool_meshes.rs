@@ -32,12 +32,7 @@ struct Section {
 pub type Corners = Vec<ToolVertex>;
 
 fn vertex(position: DVec3, normal: DVec3, stuff: Stuff) -> ToolVertex {
-    ToolVertex {
-        position: position.as_vec3().to_array(),
-        stuff: stuff as u32,
-        normal: normal.as_vec3().to_array(),
-        colour: u32::MAX,
-    }
+    ToolVertex { position: position.as_vec3().to_array(), stuff: stuff as u32, normal: normal.as_vec3().to_array(), opens: 0.0 }
 }
 
 /// Skins sections that follow each other along y; `square` from 2 (an ellipse) up makes them rectangles with round corners.
@@ -97,44 +92,34 @@ pub fn scalpel(out: &mut Corners) {
 /// Length of the forceps, metres.
 const FORCEPS: f64 = 0.13;
 
-/// Opens forceps that were made closed: `opening` metres between the tips, none where the arms are joined.
-pub fn open_forceps(opening: f64, closed: &mut [ToolVertex]) {
-    let left = closed.len() / 2;
-    for (i, corner) in closed.iter_mut().enumerate() {
-        let side = if i < left { -0.5 } else { 0.5 };
-        corner.position[0] += (side * opening * (1.0 - f64::from(corner.position[1]) / FORCEPS)) as f32;
-    }
-}
-
-/// Every tool's mesh, made once; forceps are closed.
-#[derive(Debug)]
+/// Every tool's mesh, one after the other.
+#[derive(Debug, Default)]
 pub struct ToolMeshes {
-    /// See [`scalpel`].
-    pub scalpel: Corners,
-    /// See [`forceps`].
-    pub forceps: Corners,
-    /// See [`sphere`].
-    pub sphere: Corners,
-    /// See [`sheet`].
-    pub sheet: Corners,
+    /// All corners.
+    pub corners: Corners,
+    /// Where each tool's lie: sheet, scalpel, forceps, sphere. The sheet is first: the shader counts its corners.
+    pub ranges: [std::ops::Range<u32>; 4],
 }
 
 impl ToolMeshes {
     /// Makes them.
     pub fn new() -> Self {
-        let made = |make: fn(&mut Corners)| {
-            let mut corners = Corners::new();
+        let mut corners = Corners::new();
+        let ranges = [sheet, scalpel, forceps, sphere].map(|make: fn(&mut Corners)| {
+            let first = corners.len() as u32;
             make(&mut corners);
-            corners
-        };
-        Self { scalpel: made(scalpel), forceps: made(forceps), sphere: made(sphere), sheet: made(sheet) }
+            first..corners.len() as u32
+        });
+        Self { corners, ranges }
     }
 }
 
-/// Closed tips at the origin, jaws along x, joined 13 cm up +y. The left arm comes first.
+/// Closed tips at the origin, jaws along x, joined 13 cm up +y. The tips open by half a metre each for every metre, the joint not
+/// at all.
 pub fn forceps(out: &mut Corners) {
     let mm = 1e-3;
     for side in [-1.0, 1.0] {
+        let first = out.len();
         let arm: Vec<Section> = (0..=20)
             .map(|k| {
                 let t = f64::from(k) / 20.0;
@@ -145,6 +130,9 @@ pub fn forceps(out: &mut Corners) {
             })
             .collect();
         loft(&arm, 4.0, Stuff::Steel, out);
+        for corner in &mut out[first..] {
+            corner.opens = (0.5 * side * (1.0 - f64::from(corner.position[1]) / FORCEPS)) as f32;
+        }
     }
 }
 
@@ -187,7 +175,7 @@ mod tests {
         for opening in [0.0, 0.01] {
             let mut arms = Corners::new();
             forceps(&mut arms);
-            open_forceps(opening, &mut arms);
+            arms.iter_mut().for_each(|c| c.position[0] += c.opens * opening as f32);
             let nearest = arms.iter().filter(|c| c.position[1] == 0.0).map(|c| c.position[0].abs());
             assert!((nearest.fold(f32::INFINITY, f32::min) - 0.5 * opening as f32).abs() < 1e-6);
             let joined = |x: f32| arms.iter().filter(|c| c.position[1] > 0.1299).any(|c| c.position[0] * x > 0.0);
@@ -200,9 +188,6 @@ mod tests {
         let mut all = Corners::new();
         scalpel(&mut all);
         forceps(&mut all);
-        let closed = all.len();
-        forceps(&mut all);
-        open_forceps(0.016, &mut all[closed..]);
         sphere(&mut all);
         let (mut agree, mut count) = (0, 0);
         for triangle in all.as_chunks::<3>().0 {

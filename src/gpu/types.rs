@@ -215,14 +215,28 @@ gpu_struct!(
 gpu_struct!(
     /// A corner of an instrument's triangle.
     ToolVertex {
-        /// World space.
+        /// The tool's space.
         position: [f32; 3],
         /// What it is made of.
         stuff: u32,
-        /// Unit, world space.
+        /// Unit, the tool's space.
         normal: [f32; 3],
-        /// RGBA8, linear, red lowest.
-        colour: u32,
+        /// How far it goes along x for each metre that the tool opens.
+        opens: f32,
+    }
+);
+
+gpu_struct!(
+    /// Where an instrument is, and how it looks.
+    ToolPlace {
+        /// Rows of 3 x 4.
+        world_from_tool: [[f32; 4]; 3],
+        /// Rows: the cofactors of the above, for normals.
+        normal_from_tool: [[f32; 4]; 3],
+        /// Linear RGBA.
+        colour: [f32; 4],
+        /// Metres that the tool is open, then nothing.
+        opening: [f32; 4],
     }
 );
 
@@ -339,6 +353,7 @@ mod tests {
             ("View", View::FIELDS, size_of::<View>()),
             ("Frame", Frame::FIELDS, size_of::<Frame>()),
             ("ToolVertex", ToolVertex::FIELDS, size_of::<ToolVertex>()),
+            ("ToolPlace", ToolPlace::FIELDS, size_of::<ToolPlace>()),
             ("Line", Line::FIELDS, size_of::<Line>()),
         ];
         for (name, fields, size) in ours {

@@ -46,10 +46,13 @@ enum Answer {
 
 /// A device's hold on the window.
 struct Attached {
+    /// Something to draw into; above the surface, which must outlive it.
+    frame: Option<wgpu::SurfaceTexture>,
     context: Arc<Context>,
     surface: Arc<wgpu::Surface<'static>>,
     config: wgpu::SurfaceConfiguration,
-    frame: Option<wgpu::SurfaceTexture>,
+    /// Something was asked for and has not come yet.
+    asked: bool,
     /// Ask again then.
     again: Option<Instant>,
 }
@@ -99,15 +102,16 @@ impl Spectator {
                 Answer::Surface(surface, size) => {
                     let Some(context) = self.coming.take() else { continue };
                     self.attached = Some(Attached::new(context, surface, size)?);
-                    self.ask(Ask::Next);
+                    self.ask_for_frame();
                 }
                 Answer::Frame(frame) => {
                     if let Some(attached) = &mut self.attached {
-                        attached.frame = Some(frame);
+                        (attached.frame, attached.asked) = (Some(frame), false);
                     }
                 }
                 Answer::Nothing(size) => {
                     if let Some(attached) = &mut self.attached {
+                        attached.asked = false;
                         (attached.config.width, attached.config.height) = (size.0.max(1), size.1.max(1));
                         attached.again = Some(Instant::now() + AGAIN);
                     }
@@ -116,12 +120,12 @@ impl Spectator {
                 Answer::Open(_) | Answer::Detached => {}
             }
         }
-        let Some(attached) = &mut self.attached else { return Ok(None) };
-        if attached.again.is_some_and(|at| at <= Instant::now()) {
+        if let Some(attached) = self.attached.as_mut().filter(|a| a.again.is_some_and(|at| at <= Instant::now())) {
             attached.again = None;
             attached.surface.configure(attached.context.device(), &attached.config);
-            drop(self.asks.send_event(Ask::Next));
+            self.ask_for_frame();
         }
+        let Some(attached) = &mut self.attached else { return Ok(None) };
         let Attached { context, frame, config, .. } = attached;
         Ok(frame.as_ref().map(|frame| (&*context, &frame.texture, config.format)))
     }
@@ -131,22 +135,43 @@ impl Spectator {
     pub fn show(&mut self) -> bool {
         let Some((attached, frame)) = self.attached.as_mut().and_then(|a| a.frame.take().map(|f| (a, f))) else { return false };
         attached.context.queue().present(frame);
-        self.ask(Ask::Next);
+        self.ask_for_frame();
         true
     }
 
-    /// Lets go of the device; waits until the window's thread has, too.
+    /// Lets go of the device; waits until the window's thread has, too. What the surface has given goes before it.
     pub fn detach(&mut self) {
-        if self.attached.take().is_none() && self.coming.take().is_none() {
+        let Some(attached) = self.attached.take() else {
+            if self.coming.take().is_some() {
+                self.ask(Ask::Detach);
+                self.wait_for(|answer| matches!(answer, Answer::Detached));
+            }
             return;
+        };
+        if attached.asked {
+            self.wait_for(|answer| matches!(answer, Answer::Frame(_) | Answer::Nothing(_)));
         }
+        drop(attached);
         self.ask(Ask::Detach);
+        self.wait_for(|answer| matches!(answer, Answer::Detached));
+    }
+
+    /// Waits for an answer, and drops it and those before it.
+    fn wait_for(&self, is_it: fn(&Answer) -> bool) {
         let start = Instant::now();
         while let Some(left) = PATIENCE.checked_sub(start.elapsed()) {
-            if let Ok(Answer::Detached) | Err(_) = self.answers.recv_timeout(left) {
-                break;
+            match self.answers.recv_timeout(left) {
+                Ok(answer) if !is_it(&answer) => {}
+                _ => return,
             }
         }
+    }
+
+    fn ask_for_frame(&mut self) {
+        if let Some(attached) = &mut self.attached {
+            attached.asked = true;
+        }
+        self.ask(Ask::Next);
     }
 
     fn ask(&self, ask: Ask) {
@@ -181,7 +206,7 @@ impl Attached {
             view_formats: Vec::new(),
         };
         surface.configure(context.device(), &config);
-        Ok(Self { context, surface, config, frame: None, again: None })
+        Ok(Self { context, surface, config, frame: None, asked: false, again: None })
     }
 }
 

@@ -82,10 +82,10 @@ impl Panel {
     }
 
     /// [`Panel::run_filling`] for a pointer that is known as a place and a press alone, as a ray from a hand is. `size` in
-    /// points; `at` the pointer before and now, in points.
+    /// points, of `sharpness` pixels each; `at` the pointer now, in points.
     pub fn run_pointer(
         &mut self,
-        size: [f32; 2],
+        (size, sharpness): ([f32; 2], f32),
         at: Option<[f32; 2]>,
         press: Option<bool>,
         state: &mut PanelState,
@@ -95,6 +95,7 @@ impl Panel {
             focused: true,
             ..Default::default()
         };
+        input.viewports.entry(input.viewport_id).or_default().native_pixels_per_point = Some(sharpness);
         match at {
             Some(at) => {
                 input.events.push(egui::Event::PointerMoved(at.into()));
@@ -137,7 +138,7 @@ mod tests {
 
     /// Presses and lets go at a place; returns what that asked for.
     fn click(panel: &mut Panel, state: &mut PanelState, at: [f32; 2]) -> Vec<PanelAction> {
-        let size = [WIDTH, 2400.0];
+        let size = ([WIDTH, 2400.0], 1.0);
         let mut actions = Vec::new();
         // sections that an earlier click has closed are open again
         panel.context.memory_mut(|memory| memory.data.clear());
@@ -166,6 +167,18 @@ mod tests {
             assert!(said.contains(&wanted), "{wanted:?} cannot be reached: {said:?}");
         }
         assert!(click(&mut panel, &mut state, [1.0, 2399.0]).is_empty(), "beside everything");
+    }
+
+    #[test]
+    fn a_board_s_glyphs_are_as_sharp_as_its_pixels() {
+        let glyphs = |sharpness: f32| {
+            let mut frame = Panel::new().run_pointer(([WIDTH, 800.0], sharpness), None, None, &mut PanelState::default());
+            assert_eq!(frame.pixels_per_point, sharpness);
+            frame.textures.clear();
+            let right = frame.jobs.iter().map(|job| job.clip_rect.right()).fold(0.0, f32::max);
+            assert!(right <= WIDTH + 1.0, "points are points at any sharpness: {right}");
+        };
+        [1.0, 2.0].map(glyphs);
     }
 
     #[test]

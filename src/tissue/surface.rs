@@ -10,14 +10,17 @@ impl Tissue {
     /// [`Tissue::refresh_sections`] first.
     pub(super) fn faces_near(&self, low: DVec3, high: DVec3, out: &mut Vec<FaceId>) {
         out.clear();
-        let widen = self.widening();
-        for (s, &(section_low, section_high)) in self.sections.current().iter().enumerate() {
-            let apart = (section_low - widen.1).cmpgt(high).any() || (section_high + widen.0).cmplt(low).any();
-            if !apart {
-                out.extend(self.mesh.section_faces(SectionId::new(s)));
-            }
-        }
+        out.extend(self.faces_of_sections_near(low, high));
         out.sort_unstable();
+    }
+
+    /// The same faces in no particular order, without a list.
+    fn faces_of_sections_near(&self, low: DVec3, high: DVec3) -> impl Iterator<Item = FaceId> + '_ {
+        let widen = self.widening();
+        let near =
+            move |bounds: &(DVec3, DVec3)| !((bounds.0 - widen.1).cmpgt(high).any() || (bounds.1 + widen.0).cmplt(low).any());
+        let sections = self.sections.current().iter().enumerate().filter(move |(_, bounds)| near(bounds));
+        sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)))
     }
 
     /// Bounds that hold the tissue as it is seen, from those of its sections: no vertex is posed. Call
@@ -92,13 +95,12 @@ impl Tissue {
     /// Where the segment `base -> tip` first meets the surface: parameter 0 to 1 from the base, and the face. Touching counts.
     /// A base that lies inside a closed surface gives 0.
     pub fn blade_entry(&self, tip: DVec3, base: DVec3) -> Option<(f64, FaceId)> {
-        let mut faces = Vec::new();
-        self.faces_near(tip.min(base), tip.max(base), &mut faces);
+        // Hands ask in every frame, so nothing is listed. Of faces met at once the first by index counts.
         let mut first: Option<(f64, FaceId)> = None;
-        for f in faces {
+        for f in self.faces_of_sections_near(tip.min(base), tip.max(base)) {
             let corners = self.mesh.face(f).map(|v| self.position(v));
             if let Some(s) = segment_triangle(base, tip, corners)
-                && first.is_none_or(|(best, _)| s < best)
+                && first.is_none_or(|best| (s, f) < best)
             {
                 first = Some((s, f));
             }

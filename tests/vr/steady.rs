@@ -1,9 +1,8 @@
-//! A beating heart, taken up with two hands and torn: what a frame may cost, and what those see who look on.
+//! A beating heart, taken up with two hands and torn: what a frame may cost.
 
 use super::driver::{Led, log_of};
 use super::service::{Compositor, Screen, Service};
 use glam::DVec3;
-use incise::gpu::blit::middle_part;
 use incise::host::vr::space::Placement;
 use serde_json::Value;
 
@@ -23,8 +22,8 @@ struct Seen {
     file_calls: u64,
     /// Where the model should stand in the end.
     placement: Placement,
-    /// Both eyes, as the compositor shows them, and the mirror.
-    screens: [Screen; 2],
+    /// Both eyes, as the compositor shows them.
+    screen: Screen,
 }
 
 fn place(led: &mut Led, hand: usize, at: DVec3) {
@@ -95,10 +94,9 @@ fn operate(service: &Service) -> Seen {
     }
     led.press_b(1);
     for _ in 0..3 {
-        led.frame(true);
+        led.frame(false);
     }
-    let shown = [service.display.as_ref(), service.desktop.as_ref()];
-    let screens = shown.map(|display| display.expect("both displays").settled());
+    let screen = service.display.as_ref().expect("a display").settled();
     // One turn of the user to the left.
     led.press_b(1);
     led.hand(0).trigger = 0.0;
@@ -110,7 +108,7 @@ fn operate(service: &Service) -> Seen {
     assert!(led.quit(), "a clean exit: {}", log_of(service));
     let report = std::fs::read_to_string(service.folder.join("out/report.json")).expect("a report");
     let report = serde_json::from_str(&report).expect("JSON");
-    Seen { report, steady: start..end, torn: stroke, file_calls, placement, screens }
+    Seen { report, steady: start..end, torn: stroke, file_calls, placement, screen }
 }
 
 fn check_costs(seen: &Seen) {
@@ -159,44 +157,19 @@ fn check_placement(seen: &Seen) {
     assert!(seen.placement.yaw.abs() > 0.4, "it was turned");
 }
 
-/// The mirror shows the middle of what the left eye sees.
-fn check_mirror(seen: &Seen, eye: &Screen) {
-    assert!(seen.report["mirrored"].as_u64() > Some(20), "{}", seen.report["mirrored"]);
-    let mirror = &seen.screens[1];
-    let [left, top, width, height] = middle_part(eye.dimensions(), mirror.dimensions(), 0.75);
-    let off = |shift: f32| {
-        let mut sum = 0.0;
-        let mut count = 0.0;
-        for (x, y, pixel) in mirror.enumerate_pixels().filter(|(x, y, _)| x % 5 == 0 && y % 5 == 0) {
-            let along = |at: u32, of: u32| (at as f32 + 0.5) / of as f32;
-            let u = left + width * along(x, mirror.width()) + shift;
-            let v = top + height * along(y, mirror.height());
-            let place = |t: f32, of: u32| ((t * of as f32) as u32).min(of - 1);
-            let there = eye.get_pixel(place(u, eye.width()), place(v, eye.height()));
-            sum += (0..3).map(|c| f64::from(pixel.0[c].abs_diff(there.0[c]))).sum::<f64>() / 3.0;
-            count += 1.0;
-        }
-        sum / count
-    };
-    let (here, beside) = (off(0.0), off(0.1));
-    assert!(here < 3.0, "{here} steps a channel from the eye's picture");
-    assert!(beside > 2.0 * here, "the measure sees a picture that is elsewhere: {beside} and {here}");
-}
-
 #[test]
 #[ignore = "scripts/test-vr runs it"]
-fn a_beating_heart_is_carried_and_torn_without_a_hitch_and_others_look_on() {
-    let service = Service::start("steady", Compositor::Window(50)).with_desktop();
+fn a_beating_heart_is_carried_and_torn_without_a_hitch() {
+    // No mirror: its thread would allocate in between, and who counts cannot tell.
+    // Eyes of a third of their size are enough here; the picture of the documentation is made with 100.
+    let percent = std::env::var("INCISE_XR_PERCENT").ok().and_then(|p| p.parse().ok()).unwrap_or(30);
+    let service = Service::start("steady", Compositor::Window(percent));
     let seen = operate(&service);
     check_costs(&seen);
     check_placement(&seen);
-    let eye = image::open(service.folder.join("out/eye-0.png")).expect("the left eye").to_rgb8();
-    check_mirror(&seen, &eye);
     assert_eq!(seen.report["depth"], true, "the compositor takes depth, and gets it");
     if let Some(folder) = std::env::var_os("INCISE_XR_KEEP").map(std::path::PathBuf::from) {
         std::fs::create_dir_all(&folder).expect("a folder");
-        seen.screens[0].save(folder.join("stereo.png")).expect("written");
-        seen.screens[1].save(folder.join("mirror.png")).expect("written");
-        eye.save(folder.join("steady-eye-0.png")).expect("written");
+        seen.screen.save(folder.join("stereo.png")).expect("written");
     }
 }

@@ -1,8 +1,9 @@
 //! A person tears, pulls and cuts; the program's own report says what came of it.
 
 use super::driver::{Led, log_of};
-use super::service::{Compositor, Screen, Service};
+use super::service::{Compositor, Display, Screen, Service};
 use glam::DVec3;
+use incise::gpu::blit::middle_part;
 use serde_json::Value;
 use std::path::Path;
 
@@ -15,6 +16,8 @@ struct Run {
     diagonal: f64,
     /// What the compositor showed at the end, where it shows anything.
     screen: Option<Screen>,
+    /// What the window beside the headset showed, where there is a display for it.
+    mirror: Option<Screen>,
     /// Frames in which the forceps pulled, and how far, metres.
     pulled: (std::ops::Range<usize>, f64),
 }
@@ -63,18 +66,21 @@ fn operate(service: &Service, more: &[(&str, &str)]) -> Run {
         led.hand(1).trigger = trigger;
         led.frame(false);
     }
-    for i in 0..8 {
-        led.frame(i == 7);
+    for _ in 0..8 {
+        led.frame(false);
     }
     // The panel, opened and closed again, and opened for the picture.
     led.press_b(1);
     led.press_b(1);
     led.press_b(1);
-    let screen = service.display.as_ref().map(super::service::Display::settled);
+    for _ in 0..6 {
+        led.frame(true);
+    }
+    let [screen, mirror] = [&service.display, &service.desktop].map(|d| d.as_ref().map(Display::settled));
     assert!(led.quit(), "a clean exit: {}", log_of(service));
     let report = std::fs::read_to_string(service.folder.join("out/report.json")).expect("a report");
     let report = serde_json::from_str(&report).expect("JSON");
-    Run { report, tips, log: log_of(service), diagonal: size.length(), screen, pulled }
+    Run { report, tips, log: log_of(service), diagonal: size.length(), screen, mirror, pulled }
 }
 
 fn points(value: &Value) -> Vec<DVec3> {
@@ -134,6 +140,30 @@ fn check_eyes(run: &Run, folder: &Path) {
     assert!(run.report["eyes"][1]["mean_difference"].as_f64().is_some_and(|d| d < 0.3));
 }
 
+/// The mirror shows the middle of what the left eye sees.
+fn check_mirror(run: &Run, eye: &Screen) {
+    assert!(run.report["mirrored"].as_u64() > Some(20), "{}", run.report["mirrored"]);
+    let mirror = run.mirror.as_ref().expect("a window beside the headset");
+    let [left, top, width, height] = middle_part(eye.dimensions(), mirror.dimensions(), 0.75);
+    let off = |shift: f32| {
+        let mut sum = 0.0;
+        let mut count = 0.0;
+        for (x, y, pixel) in mirror.enumerate_pixels().filter(|(x, y, _)| x % 5 == 0 && y % 5 == 0) {
+            let along = |at: u32, of: u32| (at as f32 + 0.5) / of as f32;
+            let u = left + width * along(x, mirror.width()) + shift;
+            let v = top + height * along(y, mirror.height());
+            let place = |t: f32, of: u32| ((t * of as f32) as u32).min(of - 1);
+            let there = eye.get_pixel(place(u, eye.width()), place(v, eye.height()));
+            sum += (0..3).map(|c| f64::from(pixel.0[c].abs_diff(there.0[c]))).sum::<f64>() / 3.0;
+            count += 1.0;
+        }
+        sum / count
+    };
+    let (here, beside) = (off(0.0), off(0.1));
+    assert!(here < 3.0, "{here} steps a channel from the eye's picture");
+    assert!(beside > 2.0 * here, "the measure sees a picture that is elsewhere: {beside} and {here}");
+}
+
 /// Both validation layers were there, and neither had anything to say.
 fn check_validation(vulkan: &str, openxr: &str) {
     let inserted = |l: &str| l.contains("VK_LAYER_KHRONOS_validation") && l.to_lowercase().contains("insert");
@@ -163,6 +193,8 @@ fn a_person_tears_pulls_and_cuts_and_every_run_is_the_same() {
     );
     check_surgery(&validated);
     check_eyes(&validated, &window.folder.join("out"));
+    let eye = image::open(window.folder.join("out/eye-0.png")).expect("the left eye").to_rgb8();
+    check_mirror(&validated, &eye);
     check_validation(&validated.log, &std::fs::read_to_string(&xr_log).unwrap_or_default());
 
     let null = Service::start("null", Compositor::Null);

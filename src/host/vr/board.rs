@@ -67,10 +67,31 @@ impl Board {
         if self.picture.is_none() {
             let size = POINTS.map(|p| (p * SHARPNESS) as u32);
             let images = Images::new(session, context, (size[0], size[1]), 1)?;
-            let ui = UiPass::new(context, images.format());
+            let mut ui = UiPass::new(context, images.format());
+            self.rehearse(context, &mut ui, images.format(), images.size());
             self.picture = Some((images, ui));
         }
         Ok(())
+    }
+
+    /// Draws the panel once where nobody sees it: its glyphs are made and uploaded, its buffers grown.
+    fn rehearse(&mut self, context: &Context, ui: &mut UiPass, format: wgpu::TextureFormat, size: (u32, u32)) {
+        let unseen = context.device().create_texture(&wgpu::TextureDescriptor {
+            label: Some("rehearsal"),
+            size: wgpu::Extent3d { width: size.0, height: size.1, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+            view_formats: &[],
+        });
+        let view = unseen.create_view(&wgpu::TextureViewDescriptor::default());
+        let frame = self.panel.run_pointer((POINTS, SHARPNESS), None, None, &mut self.state);
+        let drawn = UiFrame { jobs: frame.jobs, textures: frame.textures, pixels_per_point: SHARPNESS };
+        let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("rehearsal") });
+        let buffers = ui.encode(context, &mut encoder, &view, size, drawn, true);
+        context.queue().submit(buffers.into_iter().chain([encoder.finish()]));
     }
 
     /// Forgets what belongs to a session that is over.
@@ -103,7 +124,7 @@ impl Board {
             _ => None,
         };
         self.pointed = now;
-        let frame = self.panel.run_pointer(POINTS, now.map(|p| p.at), press, &mut self.state);
+        let frame = self.panel.run_pointer((POINTS, SHARPNESS), now.map(|p| p.at), press, &mut self.state);
         self.prepare(session, context)?;
         let Some((images, ui)) = &mut self.picture else { return Ok(frame.actions) };
         let index = images.acquire()?;
