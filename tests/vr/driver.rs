@@ -80,7 +80,14 @@ impl Led {
         line.trim_end().to_string()
     }
 
-    /// Where the grip must be for the instrument's tip to be at a point of model space.
+    /// Turns a hand and puts the tip of its instrument, the trigger let go, at a point of model space.
+    pub fn aim(&mut self, hand: usize, turn: [f32; 2], tip: DVec3) {
+        self.hands[hand].turn = turn;
+        let back = self.hands[hand].rotation() * DVec3::Z * TIP;
+        self.hands[hand].position = (self.placement.to_world(tip) + back).as_vec3().to_array();
+    }
+
+    /// Where the grip of a level hand must be for the instrument's tip to be at a point of model space.
     pub fn grip_for(&self, tip: DVec3, trigger: f32) -> [f32; 3] {
         let deeper = TIP + REACH * f64::from(trigger);
         (self.placement.to_world(tip) + DVec3::Z * deeper).as_vec3().to_array()

@@ -1,15 +1,17 @@
 //! A client of Monado's `remote` driver: head and controllers as 376 bytes, little endian; the latest packet wins.
 
+use glam::DQuat;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 
 const PACKET: usize = 376;
-const UPRIGHT: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
-/// One controller. Turned as the room is.
+/// One controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Controller {
     pub position: [f32; 3],
+    /// To the left about the vertical, then down about the hand's own x: radians.
+    pub turn: [f32; 2],
     pub trigger: f32,
     pub squeeze: f32,
     /// Stick to the right, -1 to 1.
@@ -18,6 +20,12 @@ pub struct Controller {
     pub a: bool,
     /// The upper one.
     pub b: bool,
+}
+
+impl Controller {
+    pub fn rotation(&self) -> DQuat {
+        DQuat::from_rotation_y(self.turn[0].into()) * DQuat::from_rotation_x(f64::from(-self.turn[1]))
+    }
 }
 
 pub struct Remote(TcpStream);
@@ -40,7 +48,7 @@ impl Remote {
         put(&mut bytes, &head);
         bytes.extend_from_slice(&[0; 4]);
         for hand in hands {
-            put(&mut bytes, &UPRIGHT);
+            put(&mut bytes, &hand.rotation().as_quat().to_array());
             put(&mut bytes, &hand.position);
             put(&mut bytes, &[0.0; 6]); // velocities
             put(&mut bytes, &[0.0; 5]); // fingers

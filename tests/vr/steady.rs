@@ -52,10 +52,10 @@ fn operate(service: &Service) -> Seen {
     for _ in 0..5 {
         led.frame(false);
     }
-    led.pitch = 0.35;
+    led.pitch = 0.42;
     let before = led.placement.scale;
     let hands = |apart: f64, y: f64, z: f64| [DVec3::new(-apart, y, z), DVec3::new(apart, y, z)];
-    carry(&mut led, hands(0.16, 1.35, -0.4), hands(0.4, 1.33, -0.42));
+    carry(&mut led, hands(0.16, 1.35, -0.4), hands(0.4, 1.36, -0.32));
     assert!(led.placement.scale > 2.4 * before, "the model is larger now");
     let (low, high) = (led.low, led.high);
     let (size, middle) = (high - low, 0.5 * (low + high));
@@ -85,11 +85,10 @@ fn operate(service: &Service) -> Seen {
     // For the pictures: one lip held aside, the scalpel before the wound, the panel open beside them.
     for i in 0..20 {
         let pulled = (f64::from(i) - 4.0).max(0.0) / 15.0;
-        let tip = DVec3::new(middle.x - size.x * (0.12 + 0.15 * pulled), middle.y, high.z + size.z * (0.15 * pulled - 0.05));
-        led.hand(0).position = led.grip_for(tip, 0.0);
+        let lip = DVec3::new(middle.x - size.x * (0.05 + 0.14 * pulled), middle.y, high.z + size.z * (0.14 * pulled - 0.05));
+        led.aim(0, [-0.75, 0.5], lip);
         led.hand(0).trigger = if i > 2 { 1.0 } else { 0.0 };
-        led.hand(1).position =
-            led.grip_for(DVec3::new(middle.x + 0.3 * size.x, middle.y - 0.1 * size.y, high.z + 0.1 * size.z), 0.0);
+        led.aim(1, [0.75, 0.5], DVec3::new(middle.x + 0.12 * size.x, middle.y - 0.16 * size.y, high.z + 0.06 * size.z));
         led.frame(false);
     }
     led.press_b(1);
@@ -129,8 +128,8 @@ fn check_costs(seen: &Seen) {
     // The controls: what is counted is seen where it is.
     let compiled: u64 = frames[..FIRST_SECOND].iter().map(|f| number(f, "pipelines")).sum();
     assert!(compiled > 10, "{compiled} pipelines at the start");
-    let edits = frames[torn.clone()].iter().filter(|f| number(f, "commands") > 0 && number(f, "allocations") > 0).count();
-    assert!(edits > torn.len() / 2, "an edit leaves its way back");
+    let edits = frames[torn.clone()].iter().filter(|f| number(f, "allocations") > 0).count();
+    assert!((5..torn.len() / 2).contains(&edits), "a cut leaves its way back, a blade that moves nothing: {edits} frames");
     assert_eq!(seen.file_calls, 0, "reads and writes of files");
     let outcomes: Vec<&str> =
         seen.report["edits"].as_array().expect("edits").iter().filter_map(|e| e["outcome"].as_str()).collect();
@@ -165,11 +164,11 @@ fn a_beating_heart_is_carried_and_torn_without_a_hitch() {
     let percent = std::env::var("INCISE_XR_PERCENT").ok().and_then(|p| p.parse().ok()).unwrap_or(30);
     let service = Service::start("steady", Compositor::Window(percent));
     let seen = operate(&service);
-    check_costs(&seen);
-    check_placement(&seen);
-    assert_eq!(seen.report["depth"], true, "the compositor takes depth, and gets it");
     if let Some(folder) = std::env::var_os("INCISE_XR_KEEP").map(std::path::PathBuf::from) {
         std::fs::create_dir_all(&folder).expect("a folder");
         seen.screen.save(folder.join("stereo.png")).expect("written");
     }
+    check_costs(&seen);
+    check_placement(&seen);
+    assert_eq!(seen.report["depth"], true, "the compositor takes depth, and gets it");
 }

@@ -203,15 +203,17 @@ fn a_person_tears_pulls_and_cuts_and_every_run_is_the_same() {
     for hash in ["edit_hash", "state_hash"] {
         assert_eq!(validated.report[hash], again.report[hash], "two runs, one {hash}");
     }
-    keep(&window.folder.join("out"), &validated.screen.expect("a window that shows something"));
+    keep(&window.folder.join("out"), &[&validated.screen, &validated.mirror]);
 }
 
 /// Leaves pictures and report where INCISE_XR_KEEP says.
-fn keep(out: &Path, screen: &Screen) {
+fn keep(out: &Path, screens: &[&Option<Screen>; 2]) {
     let Some(folder) = std::env::var_os("INCISE_XR_KEEP").map(std::path::PathBuf::from) else { return };
     std::fs::create_dir_all(&folder).expect("a folder");
     for name in ["eye-0.png", "eye-1.png", "headless-0.png", "headless-1.png", "report.json"] {
         let _ = std::fs::copy(out.join(name), folder.join(name));
     }
-    screen.save(folder.join("composited.png")).expect("written");
+    for (screen, name) in screens.iter().zip(["composited.png", "mirror.png"]) {
+        screen.as_ref().expect("a window that shows something").save(folder.join(name)).expect("written");
+    }
 }

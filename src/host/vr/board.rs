@@ -17,7 +17,7 @@ const POINTS: [f32; 2] = [360.0, 600.0];
 /// Pixels a point.
 const SHARPNESS: f32 = 2.0;
 /// From the head to where it opens: forwards, to the left, down. Metres.
-const PLACE: DVec3 = DVec3::new(-0.42, -0.2, -0.6);
+const PLACE: DVec3 = DVec3::new(-0.4, -0.15, -0.58);
 /// A trigger presses above this.
 const PRESSED: f64 = 0.5;
 
