@@ -57,6 +57,16 @@ struct Attached {
     again: Option<Instant>,
 }
 
+/// Something to draw into.
+pub struct Ready<'a> {
+    /// The device that it belongs to.
+    pub context: &'a Arc<Context>,
+    /// The window's next picture.
+    pub texture: &'a wgpu::Texture,
+    /// The format to see it in.
+    pub format: wgpu::TextureFormat,
+}
+
 /// The window, as those see it who draw.
 pub struct Spectator {
     asks: EventLoopProxy<Ask>,
@@ -94,9 +104,8 @@ impl Spectator {
         self.ask(Ask::Attach(context.clone()));
     }
 
-    /// Something to draw into, if there is: the device that it belongs to, its texture and the format to see it in. Never waits.
-    /// Errors: this window can show nothing of this device.
-    pub fn ready(&mut self) -> Result<Option<(&Arc<Context>, &wgpu::Texture, wgpu::TextureFormat)>, String> {
+    /// Something to draw into, if there is. Never waits. Errors: this window can show nothing of this device.
+    pub fn ready(&mut self) -> Result<Option<Ready<'_>>, String> {
         while let Ok(answer) = self.answers.try_recv() {
             match answer {
                 Answer::Surface(surface, size) => {
@@ -127,7 +136,7 @@ impl Spectator {
         }
         let Some(attached) = &mut self.attached else { return Ok(None) };
         let Attached { context, frame, config, .. } = attached;
-        Ok(frame.as_ref().map(|frame| (&*context, &frame.texture, config.format)))
+        Ok(frame.as_ref().map(|frame| Ready { context, texture: &frame.texture, format: config.format }))
     }
 
     /// Shows what was drawn into the texture of the last [`Spectator::ready`], and asks for another. Nothing is waited for: the

@@ -74,13 +74,13 @@ impl Pivot {
         let frobenius = inverse.to_cols_array().iter().map(|x| x * x).sum::<f64>().sqrt();
         // Between the smallest eigenvalue over the root of 3 and the smallest eigenvalue.
         let least_turn = 1.0 / (frobenius * n);
-        if !(least_turn > LEAST_TURN) {
+        if least_turn.is_nan() || least_turn <= LEAST_TURN {
             return Err("The tip stays where it was: turn the hand further, forwards, sideways and about itself.".into());
         }
         let offset = inverse * b;
         let spread = self.squares - self.places.length_squared() / n;
         let strayed = ((spread - b.dot(offset)).max(0.0) / n).sqrt();
-        if !(strayed < STEADY) {
+        if strayed.is_nan() || strayed >= STEADY {
             let mm = strayed * 1e3;
             return Err(format!("The tip stays where it was: it moved by {mm:.0} mm. Rest it on a firm point."));
         }

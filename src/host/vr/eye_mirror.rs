@@ -5,7 +5,7 @@ use super::swapchain::Images;
 use crate::gpu::Context;
 use crate::gpu::blit::{Blit, middle_part};
 use crate::host::has_display;
-use crate::host::spectator::Spectator;
+use crate::host::spectator::{Ready, Spectator};
 use std::sync::Arc;
 
 /// The window, points.
@@ -70,7 +70,7 @@ impl EyeMirror {
     /// Draws the left eye's image for the window, if that is ready, and leaves the image as the runtime wants it back. Errors:
     /// this session cannot be mirrored.
     pub fn draw(&mut self, images: &Images, index: usize) -> Result<(), String> {
-        let Some((context, texture, format)) = self.window.ready()? else { return Ok(()) };
+        let Some(Ready { context, texture, format }) = self.window.ready()? else { return Ok(()) };
         let context = context.clone();
         if self.shown.as_ref().is_none_or(|s| s.format != format) {
             let blit = Blit::new(&context, images.format(), format);
