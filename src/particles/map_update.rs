@@ -6,6 +6,7 @@
 
 use super::build::{link_weight, normalise};
 use super::flood::Flood;
+use super::link_tests::LinkTests;
 use super::particle_map::{Influence, Link, ParticleMap};
 use super::settings::ParticleSettings;
 use super::strip_test::StripGeometry;
@@ -83,12 +84,10 @@ pub struct UpdateScratch {
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
     zone: Vec<VertexId>,
-    near_strips: Vec<u32>,
+    tests: LinkTests,
     work: Vec<VertexId>,
     weighted: Vec<(f64, ParticleId)>,
     links: Vec<Link>,
-    /// Outcodes of the particles' anchors to one strip; 0 for those that are not near.
-    codes: Vec<u16>,
     /// The last visit of [`Update::regain`] that looked at each particle, and the number of visits.
     tried: Vec<u32>,
     visits: u32,
@@ -204,21 +203,50 @@ impl Update<'_, '_> {
         s.near.sort_unstable();
         s.near.dedup();
         s.rows.begin(mesh.vertex_slots());
+        let margin = 2.0 * reach;
+        s.tests.begin(self.strips, (low - margin, high + margin), reach, map.len());
+        s.unlinked.clear();
         s.zone.clear();
-        let (low, high) = (low - self.settings.radius, high + self.settings.radius);
-        let visited = &mut self.report.vertices_visited;
-        places.vertices.visit(low, high, |v| {
+        if !self.new_strips().is_empty() {
+            self.gather(low - self.settings.radius, high + self.settings.radius, true);
+        }
+        true
+    }
+
+    /// The new strips, as far as they exist.
+    fn new_strips(&self) -> Range<usize> {
+        let last = self.strips.len();
+        self.edit.new_strips.start.min(last)..self.edit.new_strips.end.min(last)
+    }
+
+    /// Collects the live vertices of a box into the zone; with `at_strips` only those whose links may cross a new strip.
+    fn gather(&mut self, low: DVec3, high: DVec3, at_strips: bool) {
+        let walls: Vec<(usize, f64)> =
+            if at_strips { self.new_strips().map(|k| (k, self.crossing_distance(k))).collect() } else { Vec::new() };
+        let (mesh, rest, strips) = (self.mesh, self.rest, &*self.strips);
+        let (s, visited) = (&mut *self.scratch, &mut self.report.vertices_visited);
+        s.zone.clear();
+        strips.places.vertices.visit(low, high, |v| {
             *visited += 1;
             let v = VertexId(v);
-            if v.index() < mesh.vertex_slots() && is_within(rest[v.index()], low, high) && mesh.vertex_is_live(v) {
+            let Some(&p) = rest.get(v.index()).filter(|&&p| is_within(p, low, high) && mesh.vertex_is_live(v)) else { return };
+            if !at_strips || walls.iter().any(|&(k, distance)| strips.geometry(k).is_within(p, distance)) {
                 s.zone.push(v);
             }
         });
         s.rows.keep_first(&mut s.zone);
-        let margin = 2.0 * reach;
-        self.strips.near(low - margin, high + margin, &mut s.near_strips);
-        s.unlinked.clear();
-        true
+    }
+
+    /// How far from strip `k` an end of a link that crosses it may be, metres.
+    ///
+    /// Its other end is then across the strip, or is a lip that counts as across although it lies beside the strip.
+    fn crossing_distance(&self, k: usize) -> f64 {
+        let geometry = self.strips.geometry(k);
+        let lips = self.edit.lips.iter().filter(|l| l.strip == k);
+        let off = lips.map(|l| geometry.off_plane(self.rest[l.vertex.index()])).fold(0.0, f64::max);
+        let on_lip = |j: ParticleId| !self.strips.lip_sides(self.map.anchors[j.index()]).is_empty();
+        let reach_of = |&j: &ParticleId| self.settings.radius_of(self.map, j) + if on_lip(j) { geometry.margin } else { 0.0 };
+        self.scratch.near.iter().map(reach_of).fold(self.settings.radius, f64::max) + off
     }
 
     /// Bounds of the new strips, extended, and of all vertices made or removed and all lips: a slit that was cut in a bent
@@ -240,23 +268,19 @@ impl Update<'_, '_> {
 
     /// Influences of old vertices that cross a new strip. Most are settled by the ends' outcodes alone.
     fn cut_influences(&mut self) {
+        let new_strips = self.new_strips();
         let s = &mut *self.scratch;
         for &v in &s.zone {
             if self.map.influences.row(v.index()).is_empty() {
                 s.rows.open(v, self.map); // nobody holds it: see adopt_orphans
             }
         }
-        for k in self.edit.new_strips.start.min(self.strips.len())..self.edit.new_strips.end.min(self.strips.len()) {
-            s.codes.clear();
-            s.codes.resize(self.map.len(), 0);
-            for &j in &s.near {
-                s.codes[j.index()] = self.strips.outcode(k, self.rest, self.map.anchors[j.index()]);
-            }
+        for k in new_strips {
             for &v in &s.zone {
                 let code = self.strips.outcode(k, self.rest, v);
                 for influence in self.map.influences.row(v.index()) {
                     let j = influence.particle;
-                    if !StripGeometry::codes_part(code, s.codes[j.index()])
+                    if !StripGeometry::codes_part(code, s.tests.code(self.strips, self.rest, self.map, k, j))
                         && self.strips.crosses(k, self.rest, v, self.map.anchors[j.index()])
                     {
                         self.report.influences_removed += usize::from(s.rows.open(v, self.map).remove(j));
@@ -287,8 +311,12 @@ impl Update<'_, '_> {
     }
 
     /// True if `j` is near enough to move `v` and no strip lies between them.
-    fn may_link(&self, v: VertexId, j: ParticleId) -> bool {
-        self.weight(v, j) > 0.0 && self.connects(v, self.map.anchors[j.index()])
+    fn may_link(&mut self, v: VertexId, j: ParticleId) -> bool {
+        self.weight(v, j) > 0.0 && {
+            let tests = &mut self.scratch.tests;
+            tests.from(self.strips, self.rest, v);
+            tests.connects_particle(self.strips, self.rest, self.map, j)
+        }
     }
 
     /// Weight of `j` at `v` before normalisation; 0 out of reach or retired.
@@ -296,15 +324,11 @@ impl Update<'_, '_> {
         self.settings.weight(self.map, self.rest, v, j)
     }
 
-    /// True if no strip near the wound lies between two vertices.
-    fn connects(&self, a: VertexId, b: VertexId) -> bool {
-        let (p, q) = (self.rest[a.index()], self.rest[b.index()]);
-        let (lips_a, lips_b) = (self.strips.lip_sides(a), self.strips.lip_sides(b));
-        // a known side may stand against geometry, and holds for the strips next to its own too
-        let may_know = |k: u32| lips_a.iter().chain(lips_b).any(|l| l.strip.abs_diff(k) <= 1);
-        let by_side = |k: u32| self.strips.crosses(k as usize, self.rest, a, b);
-        let by_place = |k: u32| self.strips.geometry(k as usize).crosses(p, q);
-        !self.scratch.near_strips.iter().any(|&k| if may_know(k) { by_side(k) } else { by_place(k) })
+    /// True if no strip near the wound lies between two vertices. Links that share an end come with it first.
+    fn connects(&mut self, from: VertexId, to: VertexId) -> bool {
+        let tests = &mut self.scratch.tests;
+        tests.from(self.strips, self.rest, from);
+        tests.connects_vertex(self.strips, self.rest, to)
     }
 
     /// Particles whose anchor was clipped take the nearest vertex that they still hold, if it is near, on their side of
@@ -312,6 +336,9 @@ impl Update<'_, '_> {
     fn move_clipped_anchors(&mut self) {
         let clipped = |j: &ParticleId| !self.mesh.vertex_is_live(self.map.anchors[j.index()]);
         let clipped: Vec<ParticleId> = self.scratch.near.iter().copied().filter(clipped).collect();
+        if let Some((low, high)) = self.bounds().filter(|_| !clipped.is_empty()) {
+            self.gather(low - self.settings.radius, high + self.settings.radius, false);
+        }
         for j in clipped {
             let old = self.map.anchors[j.index()];
             let mut best = (self.settings.spacing, VertexId::NONE);
@@ -323,7 +350,7 @@ impl Update<'_, '_> {
                 }
                 holds.push(v);
                 let distance = self.rest[v.index()].distance(self.rest[old.index()]);
-                if (distance, v) < best && self.connects(v, old) && !self.is_anchor(v) {
+                if (distance, v) < best && self.connects(old, v) && !self.is_anchor(v) {
                     best = (distance, v);
                 }
             }
@@ -332,6 +359,7 @@ impl Update<'_, '_> {
             }
             self.unlink(j);
             self.map.anchors.set(j.index(), best.1);
+            self.scratch.tests.moved(j);
             if best.1.is_some() {
                 self.strips.places.anchors.insert(j.0, self.rest[best.1.index()]);
                 self.scratch.unlinked.push(j);
@@ -392,7 +420,7 @@ impl Update<'_, '_> {
 
     /// Neighbour links that cross a new strip.
     fn cut_neighbours(&mut self) {
-        let new_strips = self.edit.new_strips.start.min(self.strips.len())..self.edit.new_strips.end.min(self.strips.len());
+        let new_strips = self.new_strips();
         for i in 0..self.scratch.near.len() {
             let j = self.scratch.near[i];
             let anchor = self.map.anchors[j.index()];
@@ -459,7 +487,7 @@ impl Update<'_, '_> {
             self.scratch.flood.ball(self.mesh, self.rest, anchor, self.settings.radius_of(self.map, j));
             for i in 0..self.scratch.flood.reached.len() {
                 let v = self.scratch.flood.reached[i];
-                if self.may_link(v, j) {
+                if self.weight(v, j) > 0.0 && self.connects(anchor, v) {
                     self.scratch.rows.open(v, self.map).add(j);
                 }
             }
@@ -523,13 +551,16 @@ impl Update<'_, '_> {
         let (p, reach) = (self.rest[v.index()], 2.0 * self.settings.radius);
         let rest = self.rest;
         self.scratch.flood.run(self.mesh, &[v], |w| is_within(rest[w.index()], p - reach, p + reach));
-        let connected = self
-            .scratch
-            .near
-            .iter()
-            .copied()
-            .filter(|&j| self.scratch.flood.has_reached(self.map.anchors[j.index()]) && self.may_link(v, j));
-        connected.max_by(|&a, &b| self.weight(v, a).total_cmp(&self.weight(v, b)).then(b.cmp(&a)))
+        let mut best: Option<(f64, ParticleId)> = None;
+        for i in 0..self.scratch.near.len() {
+            let j = self.scratch.near[i];
+            let weight = self.weight(v, j);
+            let is_better = best.is_none_or(|b| (weight, std::cmp::Reverse(j)) > (b.0, std::cmp::Reverse(b.1)));
+            if is_better && self.scratch.flood.has_reached(self.map.anchors[j.index()]) && self.may_link(v, j) {
+                best = Some((weight, j));
+            }
+        }
+        best.map(|b| b.1)
     }
 
     /// Writes the rows that differ from the map's.

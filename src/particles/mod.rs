@@ -3,6 +3,7 @@
 pub mod build;
 pub mod extract;
 pub mod flood;
+mod link_tests;
 pub mod map_json;
 pub mod map_update;
 pub mod particle_map;

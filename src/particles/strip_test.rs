@@ -12,6 +12,11 @@ pub struct StripGeometry {
     normals: [DVec3; 2],
     /// The same, of unit length; zero for a triangle without area.
     units: [DVec3; 2],
+    /// A thousand roundings of a height over each triangle, for a point one metre off (sum of coordinates).
+    roundings: [f64; 2],
+    /// Dual vectors of the two edges that leave a triangle's first corner: they give a point's coordinates along those edges.
+    /// NaN, which decides nothing, for a triangle too thin for rounded coordinates.
+    duals: [[DVec3; 2]; 2],
     /// Bounds of both triangles.
     pub low: DVec3,
     /// Bounds of both triangles.
@@ -52,7 +57,9 @@ impl StripGeometry {
         let low = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
         let high = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
         let units = normals.map(DVec3::normalize_or_zero);
-        Self { triangles, normals, units, low, high, margin: 0.25 * d }
+        let roundings = normals.map(|n| 1e-13 * n.abs().element_sum());
+        let duals = triangles.map(duals);
+        Self { triangles, normals, units, roundings, duals, low, high, margin: 0.25 * d }
     }
 
     /// Unit normal towards side +1, zero for a strip without area.
@@ -68,14 +75,44 @@ impl StripGeometry {
     /// What a point lies beyond, a bit each: the six sides of the bounds, then the two sides of each triangle's plane by more
     /// than rounding. See [`StripGeometry::codes_part`].
     pub fn outcode(&self, p: DVec3) -> u16 {
+        self.bounds_code(p) | self.planes_code(p)
+    }
+
+    fn bounds_code(&self, p: DVec3) -> u16 {
         let (below, above) = (p.cmplt(self.low).bitmask() as u16, p.cmpgt(self.high).bitmask() as u16);
-        let mut code = below | above << 3;
-        for (t, (n, [q, ..])) in self.normals.iter().zip(&self.triangles).enumerate() {
-            let d = p - *q;
-            let (height, bound) = (n.dot(d), 1e-13 * n.abs().element_sum() * d.abs().element_sum());
+        below | above << 3
+    }
+
+    fn planes_code(&self, p: DVec3) -> u16 {
+        let d = p - self.triangles[0][0]; // both triangles start there
+        let size = d.abs().element_sum();
+        let mut code = 0;
+        for (t, n) in self.normals.iter().enumerate() {
+            let (height, bound) = (n.dot(d), self.roundings[t] * size);
             code |= (u16::from(height > bound) | u16::from(height < -bound) << 1) << (6 + 2 * t);
         }
         code
+    }
+
+    /// [`StripGeometry::codes_part`] for a point's outcode and another point, of which no more than needed is worked out.
+    #[inline]
+    pub fn parts(&self, code: u16, p: DVec3) -> bool {
+        self.bounds_code(p) & code != 0 || (code & 0o1700 != 0 && Self::codes_part(code & 0o1700, self.planes_code(p)))
+    }
+
+    /// True if a point is no further than `distance` from the bounds and from the plane of either triangle.
+    pub fn is_within(&self, p: DVec3, distance: f64) -> bool {
+        let inside = p.cmpge(self.low - distance).all() && p.cmple(self.high + distance).all();
+        inside && {
+            let d = p - self.triangles[0][0];
+            let [a, b] = self.units.map(|n| n.dot(d));
+            !((a > distance && b > distance) || (a < -distance && b < -distance))
+        }
+    }
+
+    /// Distance of a point from the nearer of the triangles' planes, metres.
+    pub fn off_plane(&self, p: DVec3) -> f64 {
+        self.height(0, p).abs().min(self.height(1, p).abs())
     }
 
     /// True if the outcodes of two points without known sides show that the link between them does not cross: both beyond one
@@ -151,11 +188,34 @@ impl StripGeometry {
         let (n, p) = (self.normals[t], self.triangles[t][0]);
         let (da, db) = (a - p, b - p);
         let (ha, hb) = (n.dot(da), n.dot(db));
-        let bound = 1e-13 * n.abs().element_sum() * (da.abs() + db.abs()).element_sum();
+        let bound = self.roundings[t] * (da.abs() + db.abs()).element_sum();
         if (ha > bound && hb > bound) || (ha < -bound && hb < -bound) {
             return false;
         }
+        if (ha > bound && hb < -bound) || (ha < -bound && hb > bound) {
+            // where the link meets the plane, in coordinates along two edges; well inside or well outside needs no more
+            let x = da + (db - da) * (ha / (ha - hb));
+            let [s, r] = self.duals[t].map(|g| g.dot(x));
+            let size = (self.duals[t][0].abs() + self.duals[t][1].abs()).element_sum() * (da.abs() + db.abs()).element_sum();
+            let doubt = size * (1e-11 + 0.1 * bound / (ha - hb).abs()) + 1e-12;
+            let least = s.min(r).min(1.0 - s - r);
+            if least.abs() > doubt {
+                return least > 0.0;
+            }
+        }
         self.side(t, a) != self.side(t, b) && line_meets(self.triangles[t], a, b)
+    }
+}
+
+/// See [`StripGeometry::duals`].
+fn duals([p, q, s]: [DVec3; 3]) -> [DVec3; 2] {
+    let (u, w) = (q - p, s - p);
+    let n = u.cross(w);
+    let squared = n.length_squared();
+    if squared > 1e-8 * u.length_squared() * w.length_squared() {
+        [w.cross(n) / squared, n.cross(u) / squared]
+    } else {
+        [DVec3::NAN; 2]
     }
 }
 

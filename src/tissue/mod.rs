@@ -6,6 +6,7 @@ pub mod forces;
 mod history;
 pub mod measure;
 pub mod pieces;
+mod positions;
 mod sections;
 pub mod stroke;
 mod surface;
