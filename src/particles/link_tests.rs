@@ -1,4 +1,4 @@
-//! Strip tests of many links that share an end: what the end has in common with each strip is worked out once.
+//! Strip tests of the links of particles: the strips that a particle's links may meet are found once and kept.
 
 use super::particle_map::ParticleMap;
 use super::strip_test::StripGeometry;
@@ -6,131 +6,140 @@ use super::strips::Strips;
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
 
-/// No outcode has all bits set.
-const UNKNOWN: u16 = u16::MAX;
+/// More new strips than this are looked up in the tree and not one by one.
+const FEW: usize = 24;
 
-/// Tests against the strips near a wound. Begun once an update; then [`LinkTests::from`] sets the shared end.
+/// The strips near each particle, by particle. Anchors and strips do not move in rest space, so an update only has to look at the
+/// strips that are new; an undo, which takes strips away, forgets everything.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LinkTests {
-    /// Strips near the wound, sorted.
-    strips: Vec<u32>,
-    /// Longest link, metres.
-    reach: f64,
-    /// Round and row of `codes` of each particle.
-    rows: Vec<(u32, u32)>,
-    round: u32,
-    /// Outcodes of particles' anchors, a row of `strips.len()` each.
-    codes: Vec<u16>,
-    /// The shared end; none before the first.
-    end: VertexId,
-    /// Places in `strips` of those that a link from the end may meet, newest first, with the end's outcodes.
-    local: Vec<(u32, u16)>,
+    particles: Vec<NearStrips>,
+    found: Vec<u32>,
+}
+
+/// The strips near one particle.
+#[derive(Clone, Debug, Default)]
+struct NearStrips {
+    anchor: VertexId,
+    /// Strips looked at: all before this one.
+    seen: usize,
+    /// Those that a link may meet, oldest first, with the anchor's outcode.
+    strips: Vec<(u32, u16)>,
 }
 
 impl LinkTests {
-    /// Starts an update around the box `low..high`; no link is longer than `reach`.
-    pub(super) fn begin(&mut self, strips: &Strips, (low, high): (DVec3, DVec3), reach: f64, particles: usize) {
-        strips.near(low, high, &mut self.strips);
-        self.reach = reach;
-        if self.round == u32::MAX {
-            self.rows.fill((0, 0));
-            self.round = 0;
-        }
-        self.round += 1;
-        if self.rows.len() < particles {
-            self.rows.resize(particles, (0, 0));
-        }
-        self.codes.clear();
-        self.end = VertexId::NONE;
+    /// Forgets all strips.
+    pub(super) fn clear(&mut self) {
+        self.particles.clear();
     }
 
-    /// Forgets what is known of a particle, whose anchor has changed.
-    pub(super) fn moved(&mut self, j: ParticleId) {
-        if let Some(row) = self.rows.get_mut(j.index()) {
-            *row = (0, 0);
-        }
-        self.end = VertexId::NONE;
+    /// Outcode of a particle's anchor to strip `k`; all bits set, which parts it from everything, where the strip is out of reach.
+    pub(super) fn code(&mut self, strips: &Strips, rest: &[DVec3], map: &ParticleMap, reach: f64, k: usize, j: ParticleId) -> u16 {
+        let near = self.near(strips, rest, map, reach, j);
+        let newest = near.strips.iter().rev().find(|s| s.0 as usize <= k);
+        newest.filter(|s| s.0 as usize == k).map_or(u16::MAX, |s| s.1)
     }
 
-    /// Sets the shared end of the links that follow.
-    pub(super) fn from(&mut self, strips: &Strips, rest: &[DVec3], end: VertexId) {
-        if self.end == end {
-            return;
-        }
-        self.end = end;
-        self.local.clear();
-        let at = rest[end.index()];
-        let lips = strips.lip_sides(end);
-        for (i, &k) in self.strips.iter().enumerate().rev() {
-            let geometry = strips.geometry(k as usize);
-            let near = self.reach + geometry.margin;
-            let is_near = at.cmpge(geometry.low - near).all() && at.cmple(geometry.high + near).all();
-            // a known side holds wherever the end lies, for the strips next to its own too
-            if is_near || lips.iter().any(|l| l.strip.abs_diff(k) <= 1) {
-                self.local.push((i as u32, strips.outcode(k as usize, rest, end)));
-            }
-        }
-    }
-
-    /// Outcode of a particle's anchor to strip `k`, which must be near.
-    pub(super) fn code(&mut self, strips: &Strips, rest: &[DVec3], map: &ParticleMap, k: usize, j: ParticleId) -> u16 {
-        let Ok(i) = self.strips.binary_search(&(k as u32)) else { return 0 };
-        let row = self.row(j);
-        let known = &mut self.codes[row + i];
-        if *known == UNKNOWN {
-            *known = strips.outcode(k, rest, map.anchors[j.index()]);
-        }
-        *known
-    }
-
-    /// True if no strip lies between the shared end and a particle's anchor.
-    pub(super) fn connects_particle(&mut self, strips: &Strips, rest: &[DVec3], map: &ParticleMap, j: ParticleId) -> bool {
+    /// True if no strip lies between the anchor of `j` and the vertex `v`. No link is longer than `reach`.
+    pub(super) fn connects(
+        &mut self,
+        strips: &Strips,
+        rest: &[DVec3],
+        map: &ParticleMap,
+        reach: f64,
+        (j, v): (ParticleId, VertexId),
+    ) -> bool {
         let anchor = map.anchors[j.index()];
-        let row = self.row(j);
-        for &(i, code) in &self.local {
-            let k = self.strips[i as usize] as usize;
-            let known = &mut self.codes[row + i as usize];
-            if *known == UNKNOWN {
-                *known = strips.outcode(k, rest, anchor);
-            }
-            if !StripGeometry::codes_part(code, *known) && strips.crosses(k, rest, self.end, anchor) {
+        let near = self.near(strips, rest, map, reach, j);
+        let (a, p) = (rest[anchor.index()], rest[v.index()]);
+        let lips = [anchor, v].map(|end| strips.lip_sides(end));
+        // a lip knows its side of its own strips and of those next to them
+        let known = lips.map(|l| match l {
+            [] => (1, 0),
+            [first, .., last] => (first.strip.saturating_sub(1), last.strip + 1),
+            [only] => (only.strip.saturating_sub(1), only.strip + 1),
+        });
+        for &(k, code) in near.strips.iter().rev() {
+            let may_know = known.iter().any(|range| (range.0..=range.1).contains(&k));
+            let geometry = strips.geometry(k as usize);
+            let crosses = if may_know {
+                strips.crosses(k as usize, rest, anchor, v)
+            } else {
+                !geometry.parts(code, p) && geometry.crosses(a, p)
+            };
+            if crosses {
                 return false;
             }
         }
-        !self.known_side_crosses(strips, rest, anchor)
-    }
-
-    /// True if no strip lies between the shared end and a vertex.
-    pub(super) fn connects_vertex(&self, strips: &Strips, rest: &[DVec3], v: VertexId) -> bool {
-        let is_plain = strips.lip_sides(v).is_empty();
-        for &(i, code) in &self.local {
-            let k = self.strips[i as usize] as usize;
-            let parted = is_plain && strips.geometry(k).parts(code, rest[v.index()]);
-            if !parted && strips.crosses(k, rest, self.end, v) {
-                return false;
-            }
-        }
-        is_plain || !self.known_side_crosses(strips, rest, v)
-    }
-
-    /// The other end may know its side of strips that are not near the shared end.
-    fn known_side_crosses(&self, strips: &Strips, rest: &[DVec3], v: VertexId) -> bool {
-        let is_local = |k: u32| self.local.iter().any(|l| self.strips[l.0 as usize] == k);
-        strips.lip_sides(v).iter().any(|lip| {
+        // a known side may stand against geometry, so those strips are tested wherever they are
+        let is_near = |k: u32| near.strips.binary_search_by_key(&k, |s| s.0).is_ok();
+        !lips.iter().copied().flatten().any(|lip| {
             let last = (strips.len() as u32).min(lip.strip + 2);
-            (lip.strip.saturating_sub(1)..last).any(|k| !is_local(k) && strips.crosses(k as usize, rest, self.end, v))
+            (lip.strip.saturating_sub(1)..last).any(|k| !is_near(k) && strips.crosses(k as usize, rest, anchor, v))
         })
     }
 
-    fn row(&mut self, j: ParticleId) -> usize {
-        if self.rows.len() <= j.index() {
-            self.rows.resize(j.index() + 1, (0, 0));
+    fn near(&mut self, strips: &Strips, rest: &[DVec3], map: &ParticleMap, reach: f64, j: ParticleId) -> &NearStrips {
+        if self.particles.len() <= j.index() {
+            self.particles.resize(map.len(), NearStrips::default());
         }
-        let row = &mut self.rows[j.index()];
-        if row.0 != self.round {
-            *row = (self.round, self.codes.len() as u32);
-            self.codes.resize(self.codes.len() + self.strips.len(), UNKNOWN);
+        let near = &mut self.particles[j.index()];
+        let anchor = map.anchors[j.index()];
+        if near.anchor != anchor {
+            *near = NearStrips { anchor, ..NearStrips::default() };
         }
-        row.1 as usize
+        if near.seen < strips.len() {
+            let at = rest[anchor.index()];
+            let mut look = |k: usize| {
+                let geometry = strips.geometry(k);
+                let far = reach + geometry.margin;
+                if at.cmpge(geometry.low - far).all() && at.cmple(geometry.high + far).all() {
+                    near.strips.push((k as u32, geometry.outcode(at)));
+                }
+            };
+            if strips.len() - near.seen <= FEW {
+                (near.seen..strips.len()).for_each(look);
+            } else {
+                let far = reach + strips.largest_margin();
+                strips.near(at - far, at + far, &mut self.found);
+                self.found.iter().filter(|&&k| k as usize >= near.seen).for_each(|&k| look(k as usize));
+            }
+            near.seen = strips.len();
+        }
+        near
+    }
+}
+
+/// Outcodes of particles to one strip, in an array that is clean between uses.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Codes {
+    codes: Vec<u16>,
+    set: Vec<ParticleId>,
+}
+
+impl Codes {
+    /// All bits set: parted from everything.
+    pub(super) fn begin(&mut self, particles: usize) {
+        for j in self.set.drain(..) {
+            self.codes[j.index()] = u16::MAX;
+        }
+        if self.codes.len() < particles {
+            self.codes.resize(particles, u16::MAX);
+        }
+    }
+
+    pub(super) fn set(&mut self, j: ParticleId, code: u16) {
+        self.codes[j.index()] = code;
+        self.set.push(j);
+    }
+
+    pub(super) fn of(&self, j: ParticleId) -> u16 {
+        self.codes[j.index()]
+    }
+
+    /// True if the link between a point with `code` and a particle does not cross the strip.
+    #[inline]
+    pub(super) fn part(&self, code: u16, j: ParticleId) -> bool {
+        StripGeometry::codes_part(code, self.codes[j.index()])
     }
 }

@@ -6,10 +6,9 @@
 
 use super::build::{link_weight, normalise};
 use super::flood::Flood;
-use super::link_tests::LinkTests;
+use super::link_tests::{Codes, LinkTests};
 use super::particle_map::{Influence, Link, ParticleMap};
 use super::settings::ParticleSettings;
-use super::strip_test::StripGeometry;
 use super::strips::Strips;
 use super::work_rows::WorkRows;
 use super::wound;
@@ -84,7 +83,9 @@ pub struct UpdateScratch {
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
     zone: Vec<VertexId>,
+    /// The tissue's, for the time of an update.
     tests: LinkTests,
+    codes: Codes,
     work: Vec<VertexId>,
     weighted: Vec<(f64, ParticleId)>,
     links: Vec<Link>,
@@ -129,14 +130,14 @@ pub fn update_after_edit(
 ) -> MapUpdateReport {
     scratch.old_rows.clear();
     scratch.old_entries.clear();
+    scratch.tests = std::mem::take(&mut strips.places.links);
     let mut update = Update { mesh, rest, map, strips, edit, settings, scratch, report: MapUpdateReport::default() };
     update.mark_lips();
     if update.find_zone() {
-        update.cut_influences();
+        update.cut_links();
         update.give_new_vertices_rows();
         update.move_clipped_anchors();
         update.regain();
-        update.cut_neighbours();
         wound::add_particles(&mut update);
         update.link_particles();
         update.adopt_orphans();
@@ -203,13 +204,7 @@ impl Update<'_, '_> {
         s.near.sort_unstable();
         s.near.dedup();
         s.rows.begin(mesh.vertex_slots());
-        let margin = 2.0 * reach;
-        s.tests.begin(self.strips, (low - margin, high + margin), reach, map.len());
         s.unlinked.clear();
-        s.zone.clear();
-        if !self.new_strips().is_empty() {
-            self.gather(low - self.settings.radius, high + self.settings.radius, true);
-        }
         true
     }
 
@@ -217,24 +212,6 @@ impl Update<'_, '_> {
     fn new_strips(&self) -> Range<usize> {
         let last = self.strips.len();
         self.edit.new_strips.start.min(last)..self.edit.new_strips.end.min(last)
-    }
-
-    /// Collects the live vertices of a box into the zone; with `at_strips` only those whose links may cross a new strip.
-    fn gather(&mut self, low: DVec3, high: DVec3, at_strips: bool) {
-        let walls: Vec<(usize, f64)> =
-            if at_strips { self.new_strips().map(|k| (k, self.crossing_distance(k))).collect() } else { Vec::new() };
-        let (mesh, rest, strips) = (self.mesh, self.rest, &*self.strips);
-        let (s, visited) = (&mut *self.scratch, &mut self.report.vertices_visited);
-        s.zone.clear();
-        strips.places.vertices.visit(low, high, |v| {
-            *visited += 1;
-            let v = VertexId(v);
-            let Some(&p) = rest.get(v.index()).filter(|&&p| is_within(p, low, high) && mesh.vertex_is_live(v)) else { return };
-            if !at_strips || walls.iter().any(|&(k, distance)| strips.geometry(k).is_within(p, distance)) {
-                s.zone.push(v);
-            }
-        });
-        s.rows.keep_first(&mut s.zone);
     }
 
     /// How far from strip `k` an end of a link that crosses it may be, metres.
@@ -266,28 +243,67 @@ impl Update<'_, '_> {
         (bounds.0.cmple(bounds.1).all()).then_some(bounds)
     }
 
-    /// Influences of old vertices that cross a new strip. Most are settled by the ends' outcodes alone.
-    fn cut_influences(&mut self) {
-        let new_strips = self.new_strips();
-        let s = &mut *self.scratch;
-        for &v in &s.zone {
-            if self.map.influences.row(v.index()).is_empty() {
-                s.rows.open(v, self.map); // nobody holds it: see adopt_orphans
+    /// Influences of old vertices and neighbour links that cross a new strip. Most are settled by the ends' outcodes alone.
+    fn cut_links(&mut self) {
+        for k in self.new_strips() {
+            self.scratch.codes.begin(self.map.len());
+            for i in 0..self.scratch.near.len() {
+                let s = &mut *self.scratch;
+                let (j, anchor) = (s.near[i], self.map.anchors[s.near[i].index()]);
+                let reach = self.settings.reach();
+                let code = if self.strips.knows_side(k, anchor) {
+                    0
+                } else {
+                    s.tests.code(self.strips, self.rest, self.map, reach, k, j)
+                };
+                s.codes.set(j, code);
             }
+            self.cut_influences(k);
+            self.cut_neighbours(k);
         }
-        for k in new_strips {
-            for &v in &s.zone {
-                let code = self.strips.outcode(k, self.rest, v);
-                for influence in self.map.influences.row(v.index()) {
-                    let j = influence.particle;
-                    if !StripGeometry::codes_part(code, s.tests.code(self.strips, self.rest, self.map, k, j))
-                        && self.strips.crosses(k, self.rest, v, self.map.anchors[j.index()])
-                    {
-                        self.report.influences_removed += usize::from(s.rows.open(v, self.map).remove(j));
-                    }
+    }
+
+    fn cut_influences(&mut self, k: usize) {
+        let distance = self.crossing_distance(k);
+        let (mesh, rest, map, strips) = (self.mesh, self.rest, &*self.map, &*self.strips);
+        let geometry = strips.geometry(k);
+        let (s, report) = (&mut *self.scratch, &mut self.report);
+        let UpdateScratch { rows, codes, .. } = s;
+        let enter = |centre, radius| !geometry.is_far(centre, radius, distance);
+        strips.places.vertices.visit_cells(geometry.low - distance, geometry.high + distance, enter, |v, at| {
+            report.vertices_visited += 1;
+            let Some(code) = geometry.code_within(at, distance) else { return };
+            let v = VertexId(v);
+            if v.index() >= rest.len() || !mesh.vertex_is_live(v) {
+                return;
+            }
+            let row = map.influences.row(v.index());
+            if row.is_empty() {
+                rows.open(v, map); // nobody holds it: see adopt_orphans
+            }
+            let code = if strips.knows_side(k, v) || at != rest[v.index()] { 0 } else { code };
+            for influence in row {
+                let j = influence.particle;
+                if !codes.part(code, j) && strips.crosses(k, rest, v, map.anchors[j.index()]) {
+                    report.influences_removed += usize::from(rows.open(v, map).remove(j));
                 }
             }
-        }
+        });
+    }
+
+    /// All live vertices of a box.
+    fn gather(&mut self, low: DVec3, high: DVec3) {
+        let (mesh, rest) = (self.mesh, self.rest);
+        let s = &mut *self.scratch;
+        s.zone.clear();
+        self.strips.places.vertices.visit(low, high, |v| {
+            let v = VertexId(v);
+            if rest.get(v.index()).is_some_and(|&p| is_within(p, low, high) && mesh.vertex_is_live(v)) {
+                s.zone.push(v);
+            }
+        });
+        s.zone.sort_unstable();
+        s.zone.dedup();
     }
 
     /// Rows of new vertices: what reached their parents and still connects.
@@ -312,11 +328,7 @@ impl Update<'_, '_> {
 
     /// True if `j` is near enough to move `v` and no strip lies between them.
     fn may_link(&mut self, v: VertexId, j: ParticleId) -> bool {
-        self.weight(v, j) > 0.0 && {
-            let tests = &mut self.scratch.tests;
-            tests.from(self.strips, self.rest, v);
-            tests.connects_particle(self.strips, self.rest, self.map, j)
-        }
+        self.weight(v, j) > 0.0 && self.connects(j, v)
     }
 
     /// Weight of `j` at `v` before normalisation; 0 out of reach or retired.
@@ -324,11 +336,9 @@ impl Update<'_, '_> {
         self.settings.weight(self.map, self.rest, v, j)
     }
 
-    /// True if no strip near the wound lies between two vertices. Links that share an end come with it first.
-    fn connects(&mut self, from: VertexId, to: VertexId) -> bool {
-        let tests = &mut self.scratch.tests;
-        tests.from(self.strips, self.rest, from);
-        tests.connects_vertex(self.strips, self.rest, to)
+    /// True if no strip lies between the anchor of `j` and `v`.
+    fn connects(&mut self, j: ParticleId, v: VertexId) -> bool {
+        self.scratch.tests.connects(self.strips, self.rest, self.map, self.settings.reach(), (j, v))
     }
 
     /// Particles whose anchor was clipped take the nearest vertex that they still hold, if it is near, on their side of
@@ -337,7 +347,7 @@ impl Update<'_, '_> {
         let clipped = |j: &ParticleId| !self.mesh.vertex_is_live(self.map.anchors[j.index()]);
         let clipped: Vec<ParticleId> = self.scratch.near.iter().copied().filter(clipped).collect();
         if let Some((low, high)) = self.bounds().filter(|_| !clipped.is_empty()) {
-            self.gather(low - self.settings.radius, high + self.settings.radius, false);
+            self.gather(low - self.settings.radius, high + self.settings.radius);
         }
         for j in clipped {
             let old = self.map.anchors[j.index()];
@@ -350,7 +360,7 @@ impl Update<'_, '_> {
                 }
                 holds.push(v);
                 let distance = self.rest[v.index()].distance(self.rest[old.index()]);
-                if (distance, v) < best && self.connects(old, v) && !self.is_anchor(v) {
+                if (distance, v) < best && self.connects(j, v) && !self.is_anchor(v) {
                     best = (distance, v);
                 }
             }
@@ -359,7 +369,6 @@ impl Update<'_, '_> {
             }
             self.unlink(j);
             self.map.anchors.set(j.index(), best.1);
-            self.scratch.tests.moved(j);
             if best.1.is_some() {
                 self.strips.places.anchors.insert(j.0, self.rest[best.1.index()]);
                 self.scratch.unlinked.push(j);
@@ -418,25 +427,25 @@ impl Update<'_, '_> {
         }
     }
 
-    /// Neighbour links that cross a new strip.
-    fn cut_neighbours(&mut self) {
-        let new_strips = self.new_strips();
+    /// Neighbour links that cross strip `k`.
+    fn cut_neighbours(&mut self, k: usize) {
         for i in 0..self.scratch.near.len() {
             let j = self.scratch.near[i];
             let anchor = self.map.anchors[j.index()];
             let row = self.map.neighbours.row(j.index());
-            let cut = |link: &Link| {
-                let other = self.map.anchors[link.particle.index()];
-                self.strips.crosses_any(new_strips.clone(), self.rest, anchor, other)
-            };
-            let links = &mut self.scratch.links;
+            let UpdateScratch { codes, links, .. } = &mut *self.scratch;
+            let own = codes.of(j);
             links.clear();
-            links.extend(row.iter().filter(|&link| !cut(link)));
+            links.extend(row.iter().filter(|link| {
+                let other = self.map.anchors[link.particle.index()];
+                codes.part(own, link.particle) || !self.strips.crosses(k, self.rest, anchor, other)
+            }));
             if links.len() == row.len() {
                 continue;
             }
             // Both rows lose the link now: a lip of the strip before may be known to lie across and yet be out of reach.
-            let lost: Vec<ParticleId> = row.iter().filter(|&link| cut(link)).map(|link| link.particle).collect();
+            let lost: Vec<ParticleId> =
+                row.iter().filter(|link| !links.contains(link)).map(|link| link.particle).collect();
             self.map.neighbours.set_row(j.index(), links);
             self.report.links_removed += lost.len();
             self.report.particles_changed.push(j);
@@ -487,7 +496,7 @@ impl Update<'_, '_> {
             self.scratch.flood.ball(self.mesh, self.rest, anchor, self.settings.radius_of(self.map, j));
             for i in 0..self.scratch.flood.reached.len() {
                 let v = self.scratch.flood.reached[i];
-                if self.weight(v, j) > 0.0 && self.connects(anchor, v) {
+                if self.may_link(v, j) {
                     self.scratch.rows.open(v, self.map).add(j);
                 }
             }
@@ -507,7 +516,7 @@ impl Update<'_, '_> {
                 continue;
             }
             let distance = self.rest[other.index()].distance(self.rest[anchor.index()]);
-            if distance < delta && self.connects(anchor, other) {
+            if distance < delta && self.connects(j, other) {
                 let weight = link_weight(distance, mean);
                 self.insert_link(j, Link { particle: k, weight });
                 self.insert_link(k, Link { particle: j, weight });
@@ -614,6 +623,7 @@ impl Update<'_, '_> {
     }
 
     fn finish(mut self) -> MapUpdateReport {
+        self.strips.places.links = std::mem::take(&mut self.scratch.tests);
         self.report.vertices_changed.sort_unstable();
         self.report.vertices_changed.dedup();
         self.report.particles_changed.sort_unstable();

@@ -100,14 +100,25 @@ impl StripGeometry {
         self.bounds_code(p) & code != 0 || (code & 0o1700 != 0 && Self::codes_part(code & 0o1700, self.planes_code(p)))
     }
 
-    /// True if a point is no further than `distance` from the bounds and from the plane of either triangle.
-    pub fn is_within(&self, p: DVec3, distance: f64) -> bool {
-        let inside = p.cmpge(self.low - distance).all() && p.cmple(self.high + distance).all();
-        inside && {
-            let d = p - self.triangles[0][0];
-            let [a, b] = self.units.map(|n| n.dot(d));
-            !((a > distance && b > distance) || (a < -distance && b < -distance))
+    /// The outcode of a point that is no further than `distance` from the bounds and from the plane of either triangle.
+    #[inline]
+    pub fn code_within(&self, p: DVec3, distance: f64) -> Option<u16> {
+        if p.cmplt(self.low - distance).any() || p.cmpgt(self.high + distance).any() {
+            return None;
         }
+        let d = p - self.triangles[0][0];
+        let [a, b] = self.units.map(|n| n.dot(d));
+        let far = (a > distance && b > distance) || (a < -distance && b < -distance);
+        (!far).then(|| self.outcode(p))
+    }
+
+    /// True if no point of a ball is within `distance` of the plane of either triangle, all on one side.
+    #[inline]
+    pub fn is_far(&self, centre: DVec3, radius: f64, distance: f64) -> bool {
+        let d = centre - self.triangles[0][0];
+        let [a, b] = self.units.map(|n| n.dot(d));
+        let off = distance + radius;
+        (a > off && b > off) || (a < -off && b < -off)
     }
 
     /// Distance of a point from the nearer of the triangles' planes, metres.

@@ -4,6 +4,7 @@
 //! links nothing that is not connected.
 
 use super::particle_map::ParticleMap;
+use super::link_tests::LinkTests;
 use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
@@ -73,6 +74,7 @@ pub struct Strips {
     pub(super) wounds: Tracked<WoundMark>,
     /// Derived from `strips`, one for one; not hashed.
     geometry: Vec<StripGeometry>,
+    along: Vec<Along>,
     bvh: Bvh,
     /// Derived from mesh and particle map by the updates; not hashed.
     pub(super) places: Places,
@@ -87,6 +89,8 @@ pub(super) struct Places {
     pub(super) vertices: PointGrid,
     /// Vertex slots that were looked at.
     known: usize,
+    /// Strips near the particles.
+    pub(super) links: LinkTests,
 }
 
 impl Places {
@@ -103,6 +107,17 @@ impl Places {
         }
         self.known = self.known.max(mesh.vertex_slots());
     }
+}
+
+/// Where a strip lies in its slit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Along {
+    /// First strip of the slit.
+    start: usize,
+    /// Length of the slit before this strip, metres.
+    before: f64,
+    /// Its own length: the mean of its tip edge and its base edge, metres.
+    length: f64,
 }
 
 /// What an edit changed in [`Strips`].
@@ -221,9 +236,9 @@ impl Strips {
         range.into_iter().any(|k| self.crosses(k, rest, a, b))
     }
 
-    /// [`StripGeometry::outcode`] of a vertex; 0, which parts it from nothing, where its side of strip `k` is known.
-    pub(super) fn outcode(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
-        if self.known_side(k, v).is_some() { 0 } else { self.geometry[k].outcode(rest[v.index()]) }
+    /// True if `v` knows its side of strip `k`, whatever geometry says.
+    pub(super) fn knows_side(&self, k: usize, v: VertexId) -> bool {
+        self.known_side(k, v).is_some()
     }
 
     /// Side of strip `k` that `v` is known to be on, from the strip itself or from a neighbour in its slit.
@@ -256,7 +271,17 @@ impl Strips {
 
     /// First strip of the slit that strip `k` belongs to.
     pub fn slit_start(&self, k: usize) -> usize {
-        (0..=k).rev().take_while(|&i| self.strips[i].slit == self.strips[k].slit).last().unwrap_or(k)
+        self.along[k].start
+    }
+
+    /// Where strip `k` begins along its slit and how long it is there, metres.
+    pub(super) fn stretch(&self, k: usize) -> (f64, f64) {
+        (self.along[k].before, self.along[k].length)
+    }
+
+    /// Largest [`StripGeometry::margin`] of all strips, metres.
+    pub(super) fn largest_margin(&self) -> f64 {
+        self.geometry.iter().map(|g| g.margin).fold(0.0, f64::max)
     }
 
     /// Prepares for updates of this mesh and map: the first update would do it, in one pass over the model; done at
@@ -300,6 +325,7 @@ impl Strips {
             lips: self.lips.apply_delta(delta.lips),
             wounds: self.wounds.apply(delta.wounds),
         };
+        self.places.links.clear();
         self.derive();
         inverse
     }
@@ -344,11 +370,17 @@ impl Strips {
             self.bvh.remove(k as u32);
         }
         self.geometry.truncate(self.len());
+        self.along.truncate(self.len());
         for k in self.geometry.len()..self.len() {
             let strip = &self.strips[k];
             let geometry = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
             self.bvh.insert(aabb(geometry.low, geometry.high), k as u32);
             self.geometry.push(geometry);
+            let [tip0, tip1, base1, base0] = strip.corners.map(DVec3::from_array);
+            let length = 0.5 * (tip0.distance(tip1) + base0.distance(base1));
+            let last = k.checked_sub(1).filter(|&i| self.strips[i].slit == strip.slit).map(|i| self.along[i]);
+            let (start, before) = last.map_or((k, 0.0), |a| (a.start, a.before + a.length));
+            self.along.push(Along { start, before, length });
         }
     }
 }
