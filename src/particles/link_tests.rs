@@ -1,7 +1,7 @@
 //! Strip tests of the links of particles: the strips that a particle's links may meet are found once and kept.
 
 use super::particle_map::ParticleMap;
-use super::strip_test::StripGeometry;
+use super::settings::ParticleSettings;
 use super::strips::Strips;
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
@@ -33,24 +33,17 @@ impl LinkTests {
         self.particles.clear();
     }
 
-    /// Outcode of a particle's anchor to strip `k`; all bits set, which parts it from everything, where the strip is out of reach.
-    pub(super) fn code(&mut self, strips: &Strips, rest: &[DVec3], map: &ParticleMap, reach: f64, k: usize, j: ParticleId) -> u16 {
-        let near = self.near(strips, rest, map, reach, j);
-        let newest = near.strips.iter().rev().find(|s| s.0 as usize <= k);
-        newest.filter(|s| s.0 as usize == k).map_or(u16::MAX, |s| s.1)
-    }
-
-    /// True if no strip lies between the anchor of `j` and the vertex `v`. No link is longer than `reach`.
+    /// True if no strip lies between the anchor of `j` and the vertex `v`, which is within the particle's radius.
     pub(super) fn connects(
         &mut self,
         strips: &Strips,
         rest: &[DVec3],
         map: &ParticleMap,
-        reach: f64,
+        settings: &ParticleSettings,
         (j, v): (ParticleId, VertexId),
     ) -> bool {
         let anchor = map.anchors[j.index()];
-        let near = self.near(strips, rest, map, reach, j);
+        let near = self.near(strips, rest, map, settings.radius_of(map, j), j);
         let (a, p) = (rest[anchor.index()], rest[v.index()]);
         let lips = [anchor, v].map(|end| strips.lip_sides(end));
         // a lip knows its side of its own strips and of those next to them
@@ -107,39 +100,5 @@ impl LinkTests {
             near.seen = strips.len();
         }
         near
-    }
-}
-
-/// Outcodes of particles to one strip, in an array that is clean between uses.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Codes {
-    codes: Vec<u16>,
-    set: Vec<ParticleId>,
-}
-
-impl Codes {
-    /// All bits set: parted from everything.
-    pub(super) fn begin(&mut self, particles: usize) {
-        for j in self.set.drain(..) {
-            self.codes[j.index()] = u16::MAX;
-        }
-        if self.codes.len() < particles {
-            self.codes.resize(particles, u16::MAX);
-        }
-    }
-
-    pub(super) fn set(&mut self, j: ParticleId, code: u16) {
-        self.codes[j.index()] = code;
-        self.set.push(j);
-    }
-
-    pub(super) fn of(&self, j: ParticleId) -> u16 {
-        self.codes[j.index()]
-    }
-
-    /// True if the link between a point with `code` and a particle does not cross the strip.
-    #[inline]
-    pub(super) fn part(&self, code: u16, j: ParticleId) -> bool {
-        StripGeometry::codes_part(code, self.codes[j.index()])
     }
 }

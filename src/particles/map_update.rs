@@ -5,8 +5,9 @@
 //! write. Rows are worked on in scratch and written once, and only where they differ.
 
 use super::build::{link_weight, normalise};
+use super::cut_links::Codes;
 use super::flood::Flood;
-use super::link_tests::{Codes, LinkTests};
+use super::link_tests::LinkTests;
 use super::particle_map::{Influence, Link, ParticleMap};
 use super::settings::ParticleSettings;
 use super::strips::Strips;
@@ -79,16 +80,16 @@ pub struct MapUpdateReport {
 #[derive(Clone, Debug, Default)]
 pub struct UpdateScratch {
     pub(super) flood: Flood,
-    rows: WorkRows,
+    pub(super) rows: WorkRows,
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
     zone: Vec<VertexId>,
     /// The tissue's, for the time of an update.
-    tests: LinkTests,
-    codes: Codes,
+    pub(super) tests: LinkTests,
+    pub(super) codes: Codes,
     work: Vec<VertexId>,
     weighted: Vec<(f64, ParticleId)>,
-    links: Vec<Link>,
+    pub(super) links: Vec<Link>,
     /// The last visit of [`Update::regain`] that looked at each particle, and the number of visits.
     tried: Vec<u32>,
     visits: u32,
@@ -208,24 +209,6 @@ impl Update<'_, '_> {
         true
     }
 
-    /// The new strips, as far as they exist.
-    fn new_strips(&self) -> Range<usize> {
-        let last = self.strips.len();
-        self.edit.new_strips.start.min(last)..self.edit.new_strips.end.min(last)
-    }
-
-    /// How far from strip `k` an end of a link that crosses it may be, metres.
-    ///
-    /// Its other end is then across the strip, or is a lip that counts as across although it lies beside the strip.
-    fn crossing_distance(&self, k: usize) -> f64 {
-        let geometry = self.strips.geometry(k);
-        let lips = self.edit.lips.iter().filter(|l| l.strip == k);
-        let off = lips.map(|l| geometry.off_plane(self.rest[l.vertex.index()])).fold(0.0, f64::max);
-        let on_lip = |j: ParticleId| !self.strips.lip_sides(self.map.anchors[j.index()]).is_empty();
-        let reach_of = |&j: &ParticleId| self.settings.radius_of(self.map, j) + if on_lip(j) { geometry.margin } else { 0.0 };
-        self.scratch.near.iter().map(reach_of).fold(self.settings.radius, f64::max) + off
-    }
-
     /// Bounds of the new strips, extended, and of all vertices made or removed and all lips: a slit that was cut in a bent
     /// pose may leave lips outside its strip.
     fn bounds(&self) -> Option<(DVec3, DVec3)> {
@@ -241,54 +224,6 @@ impl Update<'_, '_> {
             grow(self.rest[v.index()], self.rest[v.index()]);
         }
         (bounds.0.cmple(bounds.1).all()).then_some(bounds)
-    }
-
-    /// Influences of old vertices and neighbour links that cross a new strip. Most are settled by the ends' outcodes alone.
-    fn cut_links(&mut self) {
-        for k in self.new_strips() {
-            self.scratch.codes.begin(self.map.len());
-            for i in 0..self.scratch.near.len() {
-                let s = &mut *self.scratch;
-                let (j, anchor) = (s.near[i], self.map.anchors[s.near[i].index()]);
-                let reach = self.settings.reach();
-                let code = if self.strips.knows_side(k, anchor) {
-                    0
-                } else {
-                    s.tests.code(self.strips, self.rest, self.map, reach, k, j)
-                };
-                s.codes.set(j, code);
-            }
-            self.cut_influences(k);
-            self.cut_neighbours(k);
-        }
-    }
-
-    fn cut_influences(&mut self, k: usize) {
-        let distance = self.crossing_distance(k);
-        let (mesh, rest, map, strips) = (self.mesh, self.rest, &*self.map, &*self.strips);
-        let geometry = strips.geometry(k);
-        let (s, report) = (&mut *self.scratch, &mut self.report);
-        let UpdateScratch { rows, codes, .. } = s;
-        let enter = |centre, radius| !geometry.is_far(centre, radius, distance);
-        strips.places.vertices.visit_cells(geometry.low - distance, geometry.high + distance, enter, |v, at| {
-            report.vertices_visited += 1;
-            let Some(code) = geometry.code_within(at, distance) else { return };
-            let v = VertexId(v);
-            if v.index() >= rest.len() || !mesh.vertex_is_live(v) {
-                return;
-            }
-            let row = map.influences.row(v.index());
-            if row.is_empty() {
-                rows.open(v, map); // nobody holds it: see adopt_orphans
-            }
-            let code = if strips.knows_side(k, v) || at != rest[v.index()] { 0 } else { code };
-            for influence in row {
-                let j = influence.particle;
-                if !codes.part(code, j) && strips.crosses(k, rest, v, map.anchors[j.index()]) {
-                    report.influences_removed += usize::from(rows.open(v, map).remove(j));
-                }
-            }
-        });
     }
 
     /// All live vertices of a box.
@@ -338,7 +273,7 @@ impl Update<'_, '_> {
 
     /// True if no strip lies between the anchor of `j` and `v`.
     fn connects(&mut self, j: ParticleId, v: VertexId) -> bool {
-        self.scratch.tests.connects(self.strips, self.rest, self.map, self.settings.reach(), (j, v))
+        self.scratch.tests.connects(self.strips, self.rest, self.map, self.settings, (j, v))
     }
 
     /// Particles whose anchor was clipped take the nearest vertex that they still hold, if it is near, on their side of
@@ -427,34 +362,6 @@ impl Update<'_, '_> {
         }
     }
 
-    /// Neighbour links that cross strip `k`.
-    fn cut_neighbours(&mut self, k: usize) {
-        for i in 0..self.scratch.near.len() {
-            let j = self.scratch.near[i];
-            let anchor = self.map.anchors[j.index()];
-            let row = self.map.neighbours.row(j.index());
-            let UpdateScratch { codes, links, .. } = &mut *self.scratch;
-            let own = codes.of(j);
-            links.clear();
-            links.extend(row.iter().filter(|link| {
-                let other = self.map.anchors[link.particle.index()];
-                codes.part(own, link.particle) || !self.strips.crosses(k, self.rest, anchor, other)
-            }));
-            if links.len() == row.len() {
-                continue;
-            }
-            // Both rows lose the link now: a lip of the strip before may be known to lie across and yet be out of reach.
-            let lost: Vec<ParticleId> =
-                row.iter().filter(|link| !links.contains(link)).map(|link| link.particle).collect();
-            self.map.neighbours.set_row(j.index(), links);
-            self.report.links_removed += lost.len();
-            self.report.particles_changed.push(j);
-            for other in lost {
-                self.remove_link(other, j);
-            }
-        }
-    }
-
     /// Removes a particle from its neighbours' rows and clears its own.
     fn unlink(&mut self, j: ParticleId) {
         let row = self.map.neighbours.row(j.index()).to_vec();
@@ -468,7 +375,7 @@ impl Update<'_, '_> {
     }
 
     /// Removes `j` from the neighbours of `of`.
-    fn remove_link(&mut self, of: ParticleId, j: ParticleId) {
+    pub(super) fn remove_link(&mut self, of: ParticleId, j: ParticleId) {
         let links = &mut self.scratch.links;
         links.clear();
         links.extend(self.map.neighbours.row(of.index()).iter().filter(|l| l.particle != j));
@@ -516,7 +423,7 @@ impl Update<'_, '_> {
                 continue;
             }
             let distance = self.rest[other.index()].distance(self.rest[anchor.index()]);
-            if distance < delta && self.connects(j, other) {
+            if distance < delta && self.strips.connects_vertices(self.rest, anchor, other) {
                 let weight = link_weight(distance, mean);
                 self.insert_link(j, Link { particle: k, weight });
                 self.insert_link(k, Link { particle: j, weight });
@@ -604,6 +511,7 @@ impl Update<'_, '_> {
             if row.is_empty() {
                 // Only links beyond the radius, as a map built from few anchors has: the first stands for all.
                 row.extend(particles.first().map(|&j| Influence { particle: j, weight: 1.0 }));
+                self.strips.places.far.push(v);
             }
             self.scratch.weighted = weighted;
             if self.map.influences.row(v.index()) != row.as_slice() {

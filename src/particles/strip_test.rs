@@ -100,30 +100,33 @@ impl StripGeometry {
         self.bounds_code(p) & code != 0 || (code & 0o1700 != 0 && Self::codes_part(code & 0o1700, self.planes_code(p)))
     }
 
-    /// The outcode of a point that is no further than `distance` from the bounds and from the plane of either triangle.
-    #[inline]
-    pub fn code_within(&self, p: DVec3, distance: f64) -> Option<u16> {
-        if p.cmplt(self.low - distance).any() || p.cmpgt(self.high + distance).any() {
+    /// Bounds of the shadow that a point throws through the strip as far as `radius`: of all ends of links from the point, that long
+    /// at most, that cross. `None` if there are none.
+    pub fn shadow(&self, from: DVec3, radius: f64) -> Option<(DVec3, DVec3)> {
+        if from.cmplt(self.low - radius).any() || from.cmpgt(self.high + radius).any() {
             return None;
         }
-        let d = p - self.triangles[0][0];
-        let [a, b] = self.units.map(|n| n.dot(d));
-        let far = (a > distance && b > distance) || (a < -distance && b < -distance);
-        (!far).then(|| self.outcode(p))
-    }
-
-    /// True if no point of a ball is within `distance` of the plane of either triangle, all on one side.
-    #[inline]
-    pub fn is_far(&self, centre: DVec3, radius: f64, distance: f64) -> bool {
-        let d = centre - self.triangles[0][0];
-        let [a, b] = self.units.map(|n| n.dot(d));
-        let off = distance + radius;
-        (a > off && b > off) || (a < -off && b < -off)
-    }
-
-    /// Distance of a point from the nearer of the triangles' planes, metres.
-    pub fn off_plane(&self, p: DVec3) -> f64 {
-        self.height(0, p).abs().min(self.height(1, p).abs())
+        let [[tip0, tip1, base1], [.., base0]] = self.triangles;
+        let d = from - tip0;
+        let heights = self.units.map(|n| n.dot(d));
+        // on one side of both planes the link has at least the height to the nearer to go
+        let nearest = if heights[0] * heights[1] > 0.0 { heights[0].abs().min(heights[1].abs()) } else { 0.0 };
+        if nearest > radius {
+            return None;
+        }
+        // ends lie between the strip and the strip seen from the point and scaled so far that it is out of reach everywhere
+        let (mut low, mut high) = (self.low, self.high);
+        if nearest > 0.0 {
+            let scale = radius / nearest;
+            for corner in [tip0, tip1, base1, base0] {
+                let far = from + (corner - from) * scale;
+                (low, high) = (low.min(far), high.max(far));
+            }
+        } else {
+            (low, high) = (DVec3::NEG_INFINITY, DVec3::INFINITY);
+        }
+        let slack = 1e-9 * (radius + (self.high - self.low).length());
+        Some((low.max(from - radius) - slack, high.min(from + radius) + slack))
     }
 
     /// True if the outcodes of two points without known sides show that the link between them does not cross: both beyond one

@@ -91,21 +91,47 @@ pub(super) struct Places {
     known: usize,
     /// Strips near the particles.
     pub(super) links: LinkTests,
+    /// Vertices that are or once were lips of each strip.
+    lips: Vec<Vec<VertexId>>,
+    /// Vertices that are or once were held from beyond a particle's radius.
+    pub(super) far: Vec<VertexId>,
 }
 
 impl Places {
     /// Brings the grids in line with what was added; builds them where there are none, which is the one pass over
-    /// everything. `reach` is the longest link.
-    fn update(&mut self, mesh: &Mesh, rest: &[DVec3], map: &ParticleMap, reach: f64) {
+    /// everything.
+    fn update(
+        &mut self,
+        mesh: &Mesh,
+        rest: &[DVec3],
+        map: &ParticleMap,
+        lips: &SlotCsr<LipSide>,
+        settings: &ParticleSettings,
+    ) {
+        let reach = settings.reach();
         if self.vertices.is_empty() {
+            let held = |v: VertexId| map.influences.row(v.index()).iter().map(|i| i.particle);
+            let is_far = |&v: &VertexId| held(v).any(|j| settings.weight(map, rest, v, j) <= 0.0);
+            let rows = map.influences.rows().min(mesh.vertex_slots());
+            self.far = (0..rows).map(VertexId::new).filter(is_far).collect();
+            for v in 0..lips.rows() {
+                lips.row(v).iter().for_each(|l| self.note_lip(VertexId::new(v), l.strip as usize));
+            }
             let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
             self.anchors = PointGrid::build(positions, reach);
-            self.vertices = PointGrid::over(rest[..mesh.vertex_slots()].iter().copied(), 0.5 * reach);
+            self.vertices = PointGrid::over(rest[..mesh.vertex_slots()].iter().copied(), 0.2 * reach);
         }
         for (v, &at) in rest.iter().enumerate().take(mesh.vertex_slots()).skip(self.known) {
             self.vertices.insert(v as u32, at);
         }
         self.known = self.known.max(mesh.vertex_slots());
+    }
+
+    fn note_lip(&mut self, v: VertexId, strip: usize) {
+        if self.lips.len() <= strip {
+            self.lips.resize(strip + 1, Vec::new());
+        }
+        self.lips[strip].push(v);
     }
 }
 
@@ -202,6 +228,12 @@ impl Strips {
         row.push(new);
         row.sort_unstable_by_key(|l| l.strip);
         self.lips.set_row(v.index(), &row);
+        self.places.note_lip(v, strip);
+    }
+
+    /// Vertices that may know their side of strip `k`: lips of it and of the strips before and after it, and some that are none.
+    pub(super) fn lips_near(&self, k: usize) -> impl Iterator<Item = &VertexId> {
+        self.places.lips.iter().take(k + 2).skip(k.saturating_sub(1)).flatten()
     }
 
     /// True if the segment between two rest positions crosses no strip.
@@ -287,7 +319,7 @@ impl Strips {
     /// Prepares for updates of this mesh and map: the first update would do it, in one pass over the model; done at
     /// load, no tear pays for it.
     pub fn prepare(&mut self, mesh: &Mesh, rest: &[DVec3], map: &ParticleMap, settings: &ParticleSettings) {
-        self.places.update(mesh, rest, map, settings.reach());
+        self.places.update(mesh, rest, map, &self.lips, settings);
     }
 
     /// Forgets where particles and vertices are: needed when mesh or map are not those that the updates saw, as after the
