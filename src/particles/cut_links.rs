@@ -5,7 +5,7 @@
 
 use super::map_update::{Update, UpdateScratch};
 use super::strip_test::StripGeometry;
-use crate::geometry::{ParticleId, VertexId};
+use crate::geometry::ParticleId;
 use std::ops::Range;
 
 /// Outcodes of particles to one strip, in an array that is clean between uses.
@@ -73,12 +73,12 @@ impl Update<'_, '_> {
             codes.set(j, own);
             let bounds = if knows { Some((at - radius, at + radius)) } else { geometry.shadow(at, radius) };
             let Some((low, high)) = bounds else { continue };
-            strips.places.vertices.visit_cells(low, high, |_, _| true, |v, p| {
+            strips.places.holders.visit(j, low, high, |v| {
                 report.vertices_visited += 1;
+                let Some(&p) = rest.get(v.index()) else { return };
                 if p.cmplt(low).any() || p.cmpgt(high).any() || geometry.parts(own, p) {
                     return;
                 }
-                let v = VertexId(v);
                 if v.index() < map.influences.rows()
                     && map.influences.row(v.index()).iter().any(|i| i.particle == j)
                     && mesh.vertex_is_live(v)

@@ -83,7 +83,6 @@ pub struct UpdateScratch {
     pub(super) rows: WorkRows,
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
-    zone: Vec<VertexId>,
     /// The tissue's, for the time of an update.
     pub(super) tests: LinkTests,
     pub(super) codes: Codes,
@@ -188,11 +187,8 @@ impl Update<'_, '_> {
         let Some((low, high)) = self.bounds() else { return false };
         let reach = self.settings.reach();
         let (mesh, map, rest) = (self.mesh, &*self.map, self.rest);
-        self.strips.prepare(mesh, rest, map, self.settings);
-        let places = &mut self.strips.places;
-        for new in self.edit.new_vertices {
-            places.vertices.insert(new.vertex.0, rest[new.vertex.index()]); // an undo may have moved a slot
-        }
+        self.strips.prepare(rest, map, self.settings);
+        let places = &self.strips.places;
         let s = &mut *self.scratch;
         s.near.clear();
         places.anchors.visit(low - reach, high + reach, |j| {
@@ -224,21 +220,6 @@ impl Update<'_, '_> {
             grow(self.rest[v.index()], self.rest[v.index()]);
         }
         (bounds.0.cmple(bounds.1).all()).then_some(bounds)
-    }
-
-    /// All live vertices of a box.
-    fn gather(&mut self, low: DVec3, high: DVec3) {
-        let (mesh, rest) = (self.mesh, self.rest);
-        let s = &mut *self.scratch;
-        s.zone.clear();
-        self.strips.places.vertices.visit(low, high, |v| {
-            let v = VertexId(v);
-            if rest.get(v.index()).is_some_and(|&p| is_within(p, low, high) && mesh.vertex_is_live(v)) {
-                s.zone.push(v);
-            }
-        });
-        s.zone.sort_unstable();
-        s.zone.dedup();
     }
 
     /// Rows of new vertices: what reached their parents and still connects.
@@ -281,21 +262,21 @@ impl Update<'_, '_> {
     fn move_clipped_anchors(&mut self) {
         let clipped = |j: &ParticleId| !self.mesh.vertex_is_live(self.map.anchors[j.index()]);
         let clipped: Vec<ParticleId> = self.scratch.near.iter().copied().filter(clipped).collect();
-        if let Some((low, high)) = self.bounds().filter(|_| !clipped.is_empty()) {
-            self.gather(low - self.settings.radius, high + self.settings.radius);
-        }
         for j in clipped {
             let old = self.map.anchors[j.index()];
             let mut best = (self.settings.spacing, VertexId::NONE);
             let mut holds = Vec::new();
-            for i in 0..self.scratch.zone.len() {
-                let v = self.scratch.zone[i];
-                if !self.scratch.rows.holds(v, j, self.map) {
-                    continue;
-                }
-                holds.push(v);
+            let s = &*self.scratch;
+            let is_held = |v: VertexId| v.index() < self.map.influences.rows() && s.rows.holds(v, j, self.map);
+            let everywhere = (DVec3::NEG_INFINITY, DVec3::INFINITY);
+            self.strips.places.holders.visit(j, everywhere.0, everywhere.1, |v| holds.push(v));
+            holds.extend((0..s.rows.count()).map(|i| s.rows.vertex(i)));
+            holds.retain(|&v| is_held(v) && self.mesh.vertex_is_live(v));
+            holds.sort_unstable();
+            holds.dedup();
+            for &v in &holds {
                 let distance = self.rest[v.index()].distance(self.rest[old.index()]);
-                if (distance, v) < best && self.connects(j, v) && !self.is_anchor(v) {
+                if (distance, v) < best && self.strips.connects_vertices(self.rest, old, v) && !self.is_anchor(v) {
                     best = (distance, v);
                 }
             }
@@ -524,7 +505,11 @@ impl Update<'_, '_> {
     fn replace_row(&mut self, v: VertexId, row: &[Influence]) {
         let s = &mut *self.scratch;
         let start = s.old_entries.len();
-        s.old_entries.extend_from_slice(self.map.influences.row(v.index()));
+        let old = self.map.influences.row(v.index());
+        for influence in row.iter().filter(|i| old.iter().all(|o| o.particle != i.particle)) {
+            self.strips.places.holders.push(influence.particle, v, self.rest[v.index()]);
+        }
+        s.old_entries.extend_from_slice(old);
         s.old_rows.push((v, start..s.old_entries.len()));
         self.map.influences.set_row(v.index(), row);
         self.report.vertices_changed.push(v);

@@ -4,6 +4,7 @@ pub mod build;
 mod cut_links;
 pub mod extract;
 pub mod flood;
+mod holders;
 mod link_tests;
 pub mod map_json;
 pub mod map_update;

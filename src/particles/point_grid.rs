@@ -13,8 +13,8 @@ pub struct PointGrid {
     inverse_cell: f64,
     sides: [usize; 3],
     heads: Vec<u32>,
-    /// Point, next entry of its cell, position.
-    entries: Vec<(u32, u32, DVec3)>,
+    /// Index of the point and the next entry of its cell.
+    entries: Vec<(u32, u32)>,
     /// For each point the cell it was last put in.
     cell_of: Vec<u32>,
 }
@@ -74,39 +74,23 @@ impl PointGrid {
             return;
         }
         self.cell_of[point as usize] = cell as u32;
-        self.entries.push((point, self.heads[cell], at));
+        self.entries.push((point, self.heads[cell]));
         self.heads[cell] = (self.entries.len() - 1) as u32;
     }
 
     /// Calls `found` for every point of the cells that the box meets. Some lie outside it, some come twice.
     pub fn visit(&self, low: DVec3, high: DVec3, mut found: impl FnMut(u32)) {
-        self.visit_cells(low, high, |_, _| true, |point, _| found(point));
-    }
-
-    /// [`PointGrid::visit`] of those cells only that `enter` wants, by centre and radius; `found` is told where a point was put, too.
-    /// The outermost cells, which hold all points beyond them too, are always entered.
-    pub fn visit_cells(&self, low: DVec3, high: DVec3, enter: impl Fn(DVec3, f64) -> bool, mut found: impl FnMut(u32, DVec3)) {
         if self.heads.is_empty() {
             return;
         }
         let (a, b) = (self.cell(low), self.cell(high));
-        let side = 1.0 / self.inverse_cell;
-        let radius = 0.5 * 3f64.sqrt() * side;
-        let is_outermost = |at: [usize; 3]| (0..3).any(|d| at[d] == 0 || at[d] + 1 == self.sides[d]);
         for z in a[2]..=b[2] {
             for y in a[1]..=b[1] {
                 for x in a[0]..=b[0] {
                     let mut next = self.heads[(z * self.sides[1] + y) * self.sides[0] + x];
-                    if next == u32::MAX {
-                        continue;
-                    }
-                    let centre = self.origin + (DVec3::new(x as f64, y as f64, z as f64) + 0.5) * side;
-                    if !is_outermost([x, y, z]) && !enter(centre, radius) {
-                        continue;
-                    }
                     while next != u32::MAX {
-                        let (point, after, at) = self.entries[next as usize];
-                        found(point, at);
+                        let (point, after) = self.entries[next as usize];
+                        found(point);
                         next = after;
                     }
                 }

@@ -189,7 +189,14 @@ impl StripGeometry {
     /// +1 or -1; points in the plane count as +1.
     fn side(&self, t: usize, x: DVec3) -> i8 {
         let [p, q, s] = self.triangles[t];
-        if orient(p, q, s, x) <= 0.0 { 1 } else { -1 }
+        let d = x - p;
+        let (height, bound) = (self.normals[t].dot(d), self.roundings[t] * d.abs().element_sum());
+        match height {
+            h if h > bound => 1,
+            h if h < -bound => -1,
+            _ if orient(p, q, s, x) <= 0.0 => 1,
+            _ => -1,
+        }
     }
 
     /// Distance to the plane of a triangle, signed; 0 for a triangle without area.

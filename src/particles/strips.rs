@@ -4,11 +4,12 @@
 //! links nothing that is not connected.
 
 use super::particle_map::ParticleMap;
+use super::holders::Holders;
 use super::link_tests::LinkTests;
 use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
-use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
+use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use parry3d::bounding_volume::Aabb;
@@ -80,51 +81,40 @@ pub struct Strips {
     pub(super) places: Places,
 }
 
-/// Where particles and vertices are, for updates that look around a wound. Both grids hold supersets: see [`PointGrid`].
+/// What is where, for updates that look around a wound. All of it holds supersets: what an undo has taken away does no harm.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     /// Particles by their anchor.
     pub(super) anchors: PointGrid,
-    /// Vertices.
-    pub(super) vertices: PointGrid,
-    /// Vertex slots that were looked at.
-    known: usize,
+    /// Vertices by particle.
+    pub(super) holders: Holders,
     /// Strips near the particles.
     pub(super) links: LinkTests,
     /// Vertices that are or once were lips of each strip.
     lips: Vec<Vec<VertexId>>,
     /// Vertices that are or once were held from beyond a particle's radius.
     pub(super) far: Vec<VertexId>,
+    is_built: bool,
 }
 
 impl Places {
-    /// Brings the grids in line with what was added; builds them where there are none, which is the one pass over
-    /// everything.
-    fn update(
-        &mut self,
-        mesh: &Mesh,
-        rest: &[DVec3],
-        map: &ParticleMap,
-        lips: &SlotCsr<LipSide>,
-        settings: &ParticleSettings,
-    ) {
-        let reach = settings.reach();
-        if self.vertices.is_empty() {
-            let held = |v: VertexId| map.influences.row(v.index()).iter().map(|i| i.particle);
-            let is_far = |&v: &VertexId| held(v).any(|j| settings.weight(map, rest, v, j) <= 0.0);
-            let rows = map.influences.rows().min(mesh.vertex_slots());
-            self.far = (0..rows).map(VertexId::new).filter(is_far).collect();
-            for v in 0..lips.rows() {
-                lips.row(v).iter().for_each(|l| self.note_lip(VertexId::new(v), l.strip as usize));
-            }
-            let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
-            self.anchors = PointGrid::build(positions, reach);
-            self.vertices = PointGrid::over(rest[..mesh.vertex_slots()].iter().copied(), 0.2 * reach);
+    /// The one pass over everything. `reach` is the longest link.
+    fn build(rest: &[DVec3], map: &ParticleMap, lips: &SlotCsr<LipSide>, settings: &ParticleSettings) -> Self {
+        let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
+        let held = |v: VertexId| map.influences.row(v.index()).iter().map(|i| i.particle);
+        let is_far = |&v: &VertexId| held(v).any(|j| settings.weight(map, rest, v, j) <= 0.0);
+        let rows = map.influences.rows().min(rest.len());
+        let mut places = Self {
+            anchors: PointGrid::build(positions, settings.reach()),
+            holders: Holders::build(map, rest),
+            far: (0..rows).map(VertexId::new).filter(is_far).collect(),
+            is_built: true,
+            ..Self::default()
+        };
+        for v in 0..lips.rows() {
+            lips.row(v).iter().for_each(|l| places.note_lip(VertexId::new(v), l.strip as usize));
         }
-        for (v, &at) in rest.iter().enumerate().take(mesh.vertex_slots()).skip(self.known) {
-            self.vertices.insert(v as u32, at);
-        }
-        self.known = self.known.max(mesh.vertex_slots());
+        places
     }
 
     fn note_lip(&mut self, v: VertexId, strip: usize) {
@@ -318,8 +308,10 @@ impl Strips {
 
     /// Prepares for updates of this mesh and map: the first update would do it, in one pass over the model; done at
     /// load, no tear pays for it.
-    pub fn prepare(&mut self, mesh: &Mesh, rest: &[DVec3], map: &ParticleMap, settings: &ParticleSettings) {
-        self.places.update(mesh, rest, map, &self.lips, settings);
+    pub fn prepare(&mut self, rest: &[DVec3], map: &ParticleMap, settings: &ParticleSettings) {
+        if !self.places.is_built {
+            self.places = Places::build(rest, map, &self.lips, settings);
+        }
     }
 
     /// Forgets where particles and vertices are: needed when mesh or map are not those that the updates saw, as after the

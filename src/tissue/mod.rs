@@ -265,7 +265,7 @@ impl Tissue {
         let network = Network::new(&topology(&map), network, self.diagonal)?;
         let (opening, opening_s) = (vec![DVec3::ZERO; map.len()], self.opening_s);
         let mut strips = Strips::default();
-        strips.prepare(&self.mesh, &self.rest, &map, &settings);
+        strips.prepare(&self.rest, &map, &settings);
         let truncation_error = report.truncation_error;
         Ok(SoftLayer { settings, map, strips, network, opening, opening_s, truncation_error, particle_mass: 1.0 })
     }
