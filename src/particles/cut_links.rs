@@ -68,10 +68,9 @@ impl Update<'_, '_> {
         for &j in near.iter() {
             let anchor = map.anchors[j.index()];
             let (at, radius) = (rest[anchor.index()], settings.radius_of(map, j));
-            let knows = strips.knows_side(k, anchor);
-            let own = if knows { 0 } else { geometry.outcode(at) };
+            let own = strips.code_of_anchor(k, rest, anchor);
             codes.set(j, own);
-            let bounds = if knows { Some((at - radius, at + radius)) } else { geometry.shadow(at, radius) };
+            let bounds = if own == 0 { Some((at - radius, at + radius)) } else { geometry.shadow(at, radius) };
             let Some((low, high)) = bounds else { continue };
             strips.places.holders.visit(j, low, high, |v| {
                 report.vertices_visited += 1;
@@ -129,7 +128,7 @@ impl Update<'_, '_> {
             let lost: Vec<ParticleId> = row.iter().filter(|link| !links.contains(link)).map(|link| link.particle).collect();
             self.map.neighbours.set_row(j.index(), links);
             self.report.links_removed += lost.len();
-            self.report.particles_changed.push(j);
+            self.report.relinked.push(j);
             for other in lost {
                 self.remove_link(other, j);
             }

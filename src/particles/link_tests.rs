@@ -23,8 +23,12 @@ struct NearStrips {
     anchor: VertexId,
     /// Strips looked at: all before this one.
     seen: usize,
-    /// Those that a link may meet, oldest first, with the anchor's outcode.
+    /// Those that a link may meet, oldest first, with the anchor's outcode; 0 where its known side stands against geometry.
     strips: Vec<(u32, u16)>,
+    /// Number of the anchor's lip sides when the outcodes were worked out.
+    lips: usize,
+    /// Place in `strips` of the one that parted the last link: it often parts the next one too.
+    parting: usize,
 }
 
 impl LinkTests {
@@ -47,22 +51,25 @@ impl LinkTests {
         let (a, p) = (rest[anchor.index()], rest[v.index()]);
         let lips = [anchor, v].map(|end| strips.lip_sides(end));
         // a lip knows its side of its own strips and of those next to them
-        let known = lips.map(|l| match l {
-            [] => (1, 0),
-            [first, .., last] => (first.strip.saturating_sub(1), last.strip + 1),
-            [only] => (only.strip.saturating_sub(1), only.strip + 1),
-        });
-        for &(k, code) in near.strips.iter().rev() {
-            let may_know = known.iter().any(|range| (range.0..=range.1).contains(&k));
-            let geometry = strips.geometry(k as usize);
-            let crosses = if may_know {
+        let known = match lips[1] {
+            [] => 1..=0,
+            [first, .., last] => first.strip.saturating_sub(1)..=last.strip + 1,
+            [only] => only.strip.saturating_sub(1)..=only.strip + 1,
+        };
+        let crosses = |&(k, code): &(u32, u16)| {
+            if code == 0 || known.contains(&k) {
                 strips.crosses(k as usize, rest, anchor, v)
             } else {
+                let geometry = strips.geometry(k as usize);
                 !geometry.parts(code, p) && geometry.crosses(a, p)
-            };
-            if crosses {
-                return false;
             }
+        };
+        if near.strips.get(near.parting).is_some_and(&crosses) {
+            return false;
+        }
+        if let Some(parting) = near.strips.iter().rposition(crosses) {
+            near.parting = parting;
+            return false;
         }
         // a known side may stand against geometry, so those strips are tested wherever they are
         let is_near = |k: u32| near.strips.binary_search_by_key(&k, |s| s.0).is_ok();
@@ -72,7 +79,7 @@ impl LinkTests {
         })
     }
 
-    fn near(&mut self, strips: &Strips, rest: &[DVec3], map: &ParticleMap, reach: f64, j: ParticleId) -> &NearStrips {
+    fn near(&mut self, strips: &Strips, rest: &[DVec3], map: &ParticleMap, reach: f64, j: ParticleId) -> &mut NearStrips {
         if self.particles.len() <= j.index() {
             self.particles.resize(map.len(), NearStrips::default());
         }
@@ -81,13 +88,18 @@ impl LinkTests {
         if near.anchor != anchor {
             *near = NearStrips { anchor, ..NearStrips::default() };
         }
+        let lips = strips.lip_sides(anchor).len();
+        if near.lips != lips {
+            near.lips = lips;
+            near.strips.iter_mut().for_each(|(k, code)| *code = strips.code_of_anchor(*k as usize, rest, anchor));
+        }
         if near.seen < strips.len() {
             let at = rest[anchor.index()];
             let mut look = |k: usize| {
                 let geometry = strips.geometry(k);
                 let far = reach + geometry.margin;
                 if at.cmpge(geometry.low - far).all() && at.cmple(geometry.high + far).all() {
-                    near.strips.push((k as u32, geometry.outcode(at)));
+                    near.strips.push((k as u32, strips.code_of_anchor(k, rest, anchor)));
                 }
             };
             if strips.len() - near.seen <= FEW {

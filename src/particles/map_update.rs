@@ -62,6 +62,8 @@ pub struct MapUpdateReport {
     pub vertices_changed: Vec<VertexId>,
     /// Particles whose anchor, rest displacement or neighbours changed, sorted. New particles are among them.
     pub particles_changed: Vec<ParticleId>,
+    /// Particles whose neighbours changed, sorted.
+    pub relinked: Vec<ParticleId>,
     /// Particles added, wound particles and others.
     pub particles_added: Vec<ParticleId>,
     /// Particles whose anchor was clipped and that found no other.
@@ -351,6 +353,7 @@ impl Update<'_, '_> {
         }
         if !row.is_empty() {
             self.map.neighbours.set_row(j.index(), &[]);
+            self.report.relinked.push(j);
             self.report.links_removed += row.len();
         }
     }
@@ -361,7 +364,7 @@ impl Update<'_, '_> {
         links.clear();
         links.extend(self.map.neighbours.row(of.index()).iter().filter(|l| l.particle != j));
         self.map.neighbours.set_row(of.index(), links);
-        self.report.particles_changed.push(of);
+        self.report.relinked.push(of);
     }
 
     /// Appends a particle; its links are found by [`Update::link_particles`].
@@ -419,7 +422,7 @@ impl Update<'_, '_> {
         let at = links.partition_point(|l| l.particle < link.particle);
         links.insert(at, link);
         self.map.neighbours.set_row(of.index(), links);
-        self.report.particles_changed.push(of);
+        self.report.relinked.push(of);
     }
 
     /// Vertices left without a particle get the nearest connected one that no strip parts from them; where there is none
@@ -519,6 +522,10 @@ impl Update<'_, '_> {
         self.strips.places.links = std::mem::take(&mut self.scratch.tests);
         self.report.vertices_changed.sort_unstable();
         self.report.vertices_changed.dedup();
+        self.report.relinked.sort_unstable();
+        self.report.relinked.dedup();
+        let relinked = &self.report.relinked;
+        self.report.particles_changed.extend_from_slice(relinked);
         self.report.particles_changed.sort_unstable();
         self.report.particles_changed.dedup();
         self.report

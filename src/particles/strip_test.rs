@@ -137,6 +137,13 @@ impl StripGeometry {
         both & 0o77 != 0 || (both & 0o300 != 0 && both & 0o1400 != 0)
     }
 
+    /// True if a point with this outcode is on `side` of both triangles' planes by more than rounding: a known side then says no
+    /// more than geometry.
+    pub fn is_on_side(code: u16, side: i8) -> bool {
+        let wanted = if side > 0 { 0o500 } else { 0o1200 };
+        code & 0o1700 == wanted
+    }
+
     /// True if the bounds of a link and of the strip are more than `margin` apart.
     pub fn is_beside(&self, a: DVec3, b: DVec3, margin: f64) -> bool {
         a.max(b).cmplt(self.low - margin).any() || a.min(b).cmpgt(self.high + margin).any()

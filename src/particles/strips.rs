@@ -258,6 +258,15 @@ impl Strips {
         range.into_iter().any(|k| self.crosses(k, rest, a, b))
     }
 
+    /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.
+    pub(super) fn code_of_anchor(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
+        let code = self.geometry[k].outcode(rest[v.index()]);
+        match self.known_side(k, v) {
+            Some(known) if !StripGeometry::is_on_side(code, known.side) => 0,
+            _ => code,
+        }
+    }
+
     /// True if `v` knows its side of strip `k`, whatever geometry says.
     pub(super) fn knows_side(&self, k: usize, v: VertexId) -> bool {
         self.known_side(k, v).is_some()

@@ -131,7 +131,7 @@ impl Tissue {
             update_after_edit(&self.mesh, &self.rest, &mut layer.map, &mut layer.strips, &edit, &layer.settings, scratch);
         let (map, network) = (&layer.map, &mut layer.network);
         let springs = |p: usize| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight));
-        network.update_springs(map.len(), &report.particles_changed, springs);
+        network.update_springs(map.len(), &report.relinked, springs);
         let displaced = |row: &[Influence]| -> DVec3 {
             row.iter().map(|i| layer.displacements()[i.particle.index()] * f64::from(i.weight)).sum()
         };
