@@ -67,9 +67,17 @@ impl LinkTests {
         if near.strips.get(near.parting).is_some_and(&crosses) {
             return false;
         }
-        if let Some(parting) = near.strips.iter().rposition(crosses) {
-            near.parting = parting;
-            return false;
+        let mut group = (usize::MAX, false);
+        for (i, strip) in near.strips.iter().enumerate().rev() {
+            if group.0 != Strips::group(strip.0) {
+                group.0 = Strips::group(strip.0);
+                group.1 = strips.is_beside_group(group.0, a, p);
+            }
+            let is_beside = group.1 && strip.1 != 0 && !known.contains(&strip.0);
+            if !is_beside && crosses(strip) {
+                near.parting = i;
+                return false;
+            }
         }
         // a known side may stand against geometry, so those strips are tested wherever they are
         let is_near = |k: u32| near.strips.binary_search_by_key(&k, |s| s.0).is_ok();

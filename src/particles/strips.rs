@@ -76,6 +76,8 @@ pub struct Strips {
     /// Derived from `strips`, one for one; not hashed.
     geometry: Vec<StripGeometry>,
     along: Vec<Along>,
+    /// Bounds of every [`GROUP`] strips.
+    groups: Vec<(DVec3, DVec3)>,
     bvh: Bvh,
     /// Derived from mesh and particle map by the updates; not hashed.
     pub(super) places: Places,
@@ -124,6 +126,9 @@ impl Places {
         self.lips[strip].push(v);
     }
 }
+
+/// Strips that follow one another and share bounds, so that a link far from all of them is done with them at once.
+const GROUP: usize = 8;
 
 /// Where a strip lies in its slit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -310,6 +315,18 @@ impl Strips {
         (self.along[k].before, self.along[k].length)
     }
 
+    /// Number of the group that strip `k` is in.
+    pub(super) fn group(k: u32) -> usize {
+        k as usize / GROUP
+    }
+
+    /// True if a link is apart from the bounds of all strips of a group.
+    #[inline]
+    pub(super) fn is_beside_group(&self, group: usize, a: DVec3, b: DVec3) -> bool {
+        let (low, high) = self.groups[group];
+        a.max(b).cmplt(low).any() || a.min(b).cmpgt(high).any()
+    }
+
     /// Largest [`StripGeometry::margin`] of all strips, metres.
     pub(super) fn largest_margin(&self) -> f64 {
         self.geometry.iter().map(|g| g.margin).fold(0.0, f64::max)
@@ -397,6 +414,15 @@ impl Strips {
         }
     }
 
+    fn widen_group(&mut self, k: usize) {
+        let StripGeometry { low, high, .. } = self.geometry[k];
+        if self.groups.len() <= k / GROUP {
+            self.groups.push((DVec3::INFINITY, DVec3::NEG_INFINITY));
+        }
+        let bounds = &mut self.groups[k / GROUP];
+        *bounds = (bounds.0.min(low), bounds.1.max(high));
+    }
+
     /// Brings derived data in line: strips are only ever appended, or taken away from the end by an undo.
     fn derive(&mut self) {
         for k in self.len()..self.geometry.len() {
@@ -404,6 +430,10 @@ impl Strips {
         }
         self.geometry.truncate(self.len());
         self.along.truncate(self.len());
+        self.groups.truncate(self.len() / GROUP);
+        for k in self.groups.len() * GROUP..self.geometry.len() {
+            self.widen_group(k);
+        }
         for k in self.geometry.len()..self.len() {
             let strip = &self.strips[k];
             let geometry = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
@@ -414,6 +444,7 @@ impl Strips {
             let last = k.checked_sub(1).filter(|&i| self.strips[i].slit == strip.slit).map(|i| self.along[i]);
             let (start, before) = last.map_or((k, 0.0), |a| (a.start, a.before + a.length));
             self.along.push(Along { start, before, length });
+            self.widen_group(k);
         }
     }
 }
