@@ -3,9 +3,9 @@
 //! A plane cut leaves none: it parts every edge it meets, so what it separates is no longer connected, and the sheet rule
 //! links nothing that is not connected.
 
-use super::particle_map::ParticleMap;
 use super::holders::Holders;
 use super::link_tests::LinkTests;
+use super::particle_map::ParticleMap;
 use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};

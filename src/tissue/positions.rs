@@ -29,12 +29,7 @@ impl PositionCache {
     fn moment(tissue: &Tissue) -> Moment {
         let time_s = if tissue.fades.running(tissue.time_s) { tissue.time_s } else { 0.0 };
         let versions = tissue.versions;
-        Moment {
-            pose: versions.pose,
-            displacements: versions.displacements,
-            fades: versions.fades,
-            time_bits: time_s.to_bits(),
-        }
+        Moment { pose: versions.pose, displacements: versions.displacements, fades: versions.fades, time_bits: time_s.to_bits() }
     }
 
     /// To be called before positions are asked for: forgets them if the tissue has moved, and makes room for new vertices.

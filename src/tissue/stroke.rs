@@ -15,8 +15,8 @@ use crate::surgery::walls::Facets;
 use crate::surgery::{BladePose, EntryPoint, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
 use glam::{DMat3, DVec3};
 use slit_stroke::SlitState;
-use std::cell::RefCell;
 pub(super) use slit_stroke::{at_rest, bind_slit};
+use std::cell::RefCell;
 
 /// Sides whose two triangles are this flat, as a fraction of the diagonal, are one plane.
 const FLAT_SIDE: f64 = 1e-9;
