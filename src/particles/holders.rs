@@ -57,6 +57,13 @@ impl Holders {
         }
     }
 
+    /// True if `j` is known to hold `v`, at `at`.
+    pub(super) fn lists(&self, j: ParticleId, v: VertexId, at: DVec3) -> bool {
+        let mut is_listed = false;
+        self.visit(j, at, at, |w| is_listed |= w == v);
+        is_listed
+    }
+
     /// Calls `found` for the vertices of the particle's blocks that meet a box, in the order they were noted; some lie outside, some
     /// come twice, some are held no more.
     pub(super) fn visit(&self, j: ParticleId, low: DVec3, high: DVec3, mut found: impl FnMut(VertexId)) {

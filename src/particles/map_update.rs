@@ -29,6 +29,8 @@ pub struct NewVertex {
     /// What it was made from: the ends of the edge it cuts, the corners of the face it pierces, or the vertex it is a copy
     /// of. [`VertexId::NONE`] where unused. A parent that is new itself comes earlier in the list.
     pub parents: [VertexId; 3],
+    /// True if the parents only move it and it does not lie between them: it shares no lip with them.
+    pub is_apart: bool,
 }
 
 /// A vertex on the lip of a slit.
@@ -163,7 +165,7 @@ pub(super) struct Update<'a, 'e> {
 impl Update<'_, '_> {
     /// Lips given by the edit, and new vertices whose parents are all on one lip: they are on it too.
     fn mark_lips(&mut self) {
-        for new in self.edit.new_vertices {
+        for new in self.edit.new_vertices.iter().filter(|n| !n.is_apart) {
             let mut parents = new.parents.into_iter().filter(|p| p.is_some());
             let Some(first) = parents.next() else { continue };
             let mut common = self.strips.lip_sides(first).to_vec();

@@ -5,7 +5,7 @@
 
 use super::holders::Holders;
 use super::link_tests::LinkTests;
-use super::particle_map::ParticleMap;
+use super::particle_map::{Influence, ParticleMap};
 use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
@@ -421,6 +421,28 @@ impl Strips {
         }
         let bounds = &mut self.groups[k / GROUP];
         *bounds = (bounds.0.min(low), bounds.1.max(high));
+    }
+
+    /// Checks that what updates look up knows every influence of the map and every anchor, where they are now.
+    pub(super) fn check_places(&self, map: &ParticleMap, rest: &[DVec3]) -> Result<(), String> {
+        if !self.places.is_built {
+            return Ok(());
+        }
+        for v in (0..map.influences.rows().min(rest.len())).map(VertexId::new) {
+            for influence in map.influences.row(v.index()) {
+                if !self.places.holders.lists(influence.particle, v, rest[v.index()]) {
+                    return Err(format!("{:?} holds vertex {v:?}, and updates do not know it", influence.particle));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes a row of influences that was written by other means than an update.
+    pub(super) fn note_held(&mut self, v: VertexId, at: DVec3, row: &[Influence]) {
+        if self.places.is_built {
+            row.iter().for_each(|i| self.places.holders.push(i.particle, v, at));
+        }
     }
 
     /// Brings derived data in line: strips are only ever appended, or taken away from the end by an undo.

@@ -122,8 +122,11 @@ impl Tissue {
             self.fade_from(new.iter().map(|n| (n.vertex, n.position)));
             return MapUpdateReport::default();
         };
-        let vertices: Vec<_> =
-            new.iter().map(|n| crate::particles::NewVertex { vertex: n.vertex, parents: n.parents.map(|p| p.0) }).collect();
+        let made = |n: &NewVertex| {
+            let parents = n.parents.map(|p| p.0);
+            crate::particles::NewVertex { vertex: n.vertex, parents, is_apart: n.parent_count == 0 }
+        };
+        let vertices: Vec<_> = new.iter().map(made).collect();
         let edit = MapEdit { new_vertices: &vertices, removed_vertices: removed, new_strips: strips, lips };
         let old_len = layer.map.influences.rows();
         let scratch = &mut self.scratch.update;

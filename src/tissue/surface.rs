@@ -76,12 +76,11 @@ impl Tissue {
             low -= u_low;
         }
         if self.fades.running(self.time_s) {
-            let longest = self.fades.entries.iter().map(|c| f64::from(c[0]).hypot(f64::from(c[1])).hypot(f64::from(c[2])));
             let stretch = self.pose.joint_matrices.iter().map(|m| {
                 let l = m.linear();
                 l.x_axis.length_squared() + l.y_axis.length_squared() + l.z_axis.length_squared()
             });
-            let reach = longest.fold(0.0, f64::max) * stretch.fold(1.0, f64::max).sqrt();
+            let reach = self.fades.longest * stretch.fold(1.0, f64::max).sqrt();
             high += reach;
             low += reach;
         }
