@@ -31,6 +31,10 @@ pub struct SegmentReport {
     pub new_vertices: usize,
     /// Faces looked at.
     pub faces_visited: usize,
+    /// Vertices that the update of the particle map looked at.
+    pub vertices_visited: usize,
+    /// Bytes of the entries that a mirror has to follow.
+    pub bytes_changed: usize,
     /// Crossings of planes with edges and faces.
     pub intersection_points: usize,
     /// Area taken out, square metres.
@@ -330,10 +334,12 @@ impl TearStroke {
         let made = self.step.new_vertices.iter().map(|n| n.vertex);
         self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
         report.wound_particles = update.particles_added.len();
+        report.vertices_visited = update.vertices_visited;
         let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
         report.wall_deviation = corners.map(|n| tissue.held_by(n.vertex)).fold(0.0, f64::max);
         tissue.versions.structure += 1;
         let delta = report.stages.time("update_mesh", || tissue.take_delta());
+        report.bytes_changed = delta.upload_bytes();
         self.deltas.push(delta);
         end
     }
