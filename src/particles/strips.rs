@@ -78,7 +78,8 @@ pub struct Strips {
     pub(super) places: Places,
 }
 
-/// Where particles and vertices are, for updates that look around a wound. Both grids hold supersets: see [`PointGrid`].
+/// Where particles and vertices are, for updates that look around a wound. Both grids hold supersets: see [`PointGrid`]. Undo
+/// and redo leave them as they are: whatever comes back was put in when it was made.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     /// Particles by their anchor.
@@ -265,27 +266,24 @@ impl Strips {
         self.places.update(mesh, rest, map, settings.reach());
     }
 
-    /// Forgets where particles and vertices are: needed when mesh or map are not those that the updates saw, as after the
-    /// particles were sampled anew.
-    pub fn forget_places(&mut self) {
-        self.places = Places::default();
+    /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices; wound marks are to follow by
+    /// [`Strips::take_wounds`]. `vertices[new]` is the old vertex of each of the piece's.
+    pub fn extract(&self, vertices: &[VertexId]) -> Self {
+        let known = self.lips.rows();
+        let row = |v: &VertexId| (v.index() < known).then(|| v.index());
+        let lips = if known > 0 { self.lips.gather(vertices.iter().map(row), |lip| *lip) } else { SlotCsr::default() };
+        let (geometry, bvh) = (self.geometry.clone(), self.bvh.clone());
+        Self { strips: self.strips.to_vec().into(), lips, geometry, bvh, ..Self::default() }
     }
 
-    /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices. `vertices[new]` is the
-    /// old vertex of each of the piece's, `particles` the old particle of each of its new ones.
-    pub fn extract(&self, vertices: &[VertexId], particles: &[ParticleId]) -> Self {
-        let lips = SlotCsr::from_rows(vertices.iter().map(|&v| self.lip_sides(v)));
-        let wounds: Vec<WoundMark> = self
-            .wounds
-            .iter()
-            .filter_map(|m| {
-                let new = particles.iter().position(|&p| p == m.particle)?;
-                Some(WoundMark { particle: ParticleId::new(new), ..*m })
-            })
-            .collect();
-        let mut piece = Self { strips: self.strips.to_vec().into(), lips, wounds: wounds.into(), ..Self::default() };
-        piece.derive();
-        piece
+    /// Takes over the wound marks of `whole` that name a particle of this piece. `particles[new]` is the old particle of each
+    /// of the piece's, ascending, [`ParticleId::NONE`] last.
+    pub fn take_wounds(&mut self, whole: &Self, particles: &[ParticleId]) {
+        let renamed = |mark: &WoundMark| {
+            let new = particles.binary_search(&mark.particle).ok()?;
+            Some(WoundMark { particle: ParticleId::new(new), ..*mark })
+        };
+        self.wounds = whole.wounds.iter().filter_map(renamed).collect::<Vec<_>>().into();
     }
 
     /// Everything changed since the last call.

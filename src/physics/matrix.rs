@@ -130,6 +130,20 @@ impl Matrix {
         self.high = rate * (1.0 + 2.0 * reach);
     }
 
+    /// Appends a row with springs (`(column, spring)`); columns may be rows to come. To be closed by [`Self::set_stiffness`].
+    pub fn push_row(&mut self, springs: &[(u32, f32)]) {
+        let (row, start) = (self.heads.len() as u32, self.blocks.len() as u32);
+        for springs in springs.chunks(BLOCK) {
+            let mut block = Block { columns: [row; BLOCK], springs: [0.0; BLOCK] };
+            for (k, (column, spring)) in springs.iter().enumerate() {
+                (block.columns[k], block.springs[k]) = (*column, *spring);
+            }
+            self.blocks.push(block);
+        }
+        self.entries += springs.len();
+        self.heads.push(Head { start, end: self.blocks.len() as u32, ..Head::default() });
+    }
+
     /// Appends a row without springs.
     pub fn push_lone_row(&mut self, coupling: f64, mass: f64) {
         let end = self.blocks.len() as u32;
