@@ -33,61 +33,61 @@ impl Extraction {
         refill(&mut self.wedge_to, mesh.wedges.len(), WedgeId::NONE);
         refill(&mut self.face_to, mesh.face_slots(), FaceId::NONE);
         refill(&mut self.section_to, mesh.sections(), SectionId::NONE);
+        // slices of everything: the loops are all there is, and they are not to look lengths up
+        let (vertex_to, wedge_to, face_to) = (&mut self.vertex_to[..], &mut self.wedge_to[..], &mut self.face_to[..]);
+        let (corners, wedges) = (&mesh.faces[..], &mesh.face_wedges[..]);
         for (new, &f) in faces.iter().enumerate() {
-            self.face_to[f.index()] = FaceId::new(new);
-            mesh.face(f).into_iter().for_each(|v| self.vertex_to[v.index()] = VertexId(0));
-            mesh.face_wedges(f).into_iter().for_each(|w| self.wedge_to[w.index()] = WedgeId(0));
-        }
-        for v in 0..self.vertex_to.len() {
-            if self.vertex_to[v].is_some() {
-                parents(VertexId::new(v)).into_iter().for_each(|p| self.vertex_to[p.index()] = VertexId(0));
+            face_to[f.index()] = FaceId(new as u32);
+            for v in corners[f.index()] {
+                vertex_to[v.index()] = VertexId(0);
+            }
+            for w in wedges[f.index()] {
+                wedge_to[w.index()] = WedgeId(0);
             }
         }
-    }
-
-    fn number_vertices(&mut self) {
-        self.vertex_from.clear();
-        for (old, new) in self.vertex_to.iter_mut().enumerate().filter(|(_, new)| new.is_some()) {
-            *new = VertexId::new(self.vertex_from.len());
-            self.vertex_from.push(VertexId::new(old));
+        for v in 0..vertex_to.len() {
+            if vertex_to[v].is_some() {
+                for parent in parents(VertexId(v as u32)) {
+                    vertex_to[parent.index()] = VertexId(0);
+                }
+            }
         }
     }
 
     /// Wedges in their order, on their new vertices; of a smoothing group whose leader stays behind, the first one leads.
     fn take_wedges(&mut self, mesh: &Mesh) -> Vec<Wedge> {
-        self.wedge_from.clear();
-        for (old, new) in self.wedge_to.iter_mut().enumerate().filter(|(_, new)| new.is_some()) {
-            *new = WedgeId::new(self.wedge_from.len());
-            self.wedge_from.push(WedgeId::new(old));
-        }
         let mut orphaned: BTreeMap<WedgeId, WedgeId> = BTreeMap::new();
-        let mut taken = |old: &WedgeId| {
-            let wedge = mesh.wedges[old.index()];
-            let leader = self.wedge_to[wedge.group.index()];
-            let mut first = || *orphaned.entry(wedge.group).or_insert(self.wedge_to[old.index()]);
-            let group = if leader.is_some() { leader } else { first() };
-            Wedge { vertex: self.vertex_to[wedge.vertex.index()], group, ..wedge }
+        let (wedges, vertex_to, wedge_to) = (&mesh.wedges[..], &self.vertex_to[..], &self.wedge_to[..]);
+        let taken = |old: &WedgeId| {
+            let wedge = &wedges[old.index()];
+            let mut group = wedge_to[wedge.group.index()];
+            if group.is_none() {
+                group = *orphaned.entry(wedge.group).or_insert(wedge_to[old.index()]);
+            }
+            Wedge { vertex: vertex_to[wedge.vertex.index()], group, ..*wedge }
         };
-        self.wedge_from.iter().map(&mut taken).collect()
+        self.wedge_from.iter().map(taken).collect()
     }
+}
 
-    fn half_edge(&self, old: HalfEdge) -> HalfEdge {
-        if old.is_none() {
-            return old;
+/// Numbers the marked entries of a table in their order and lists them.
+macro_rules! number {
+    ($index:ident, $to:expr, $from:expr, $most:expr) => {
+        $from.clear();
+        $from.reserve($most.min($to.len()));
+        for (old, new) in $to.iter_mut().enumerate() {
+            if new.is_some() {
+                *new = $index($from.len() as u32);
+                $from.push($index(old as u32));
+            }
         }
-        let face = self.face_to[old.face().index()];
-        if face.is_some() { HalfEdge::of(face, old.corner()) } else { HalfEdge::NONE }
-    }
+    };
+}
 
-    /// The new number of a section, in the order that faces ask.
-    fn section(&mut self, old: SectionId) -> SectionId {
-        let new = &mut self.section_to[old.index()];
-        if new.is_none() {
-            *new = SectionId::new(self.section_from.len());
-            self.section_from.push(old);
-        }
-        *new
-    }
+/// `map` over three entries; the array's own is not inlined.
+#[inline(always)]
+fn three<T, U>([a, b, c]: [T; 3], map: impl Fn(T) -> U) -> [U; 3] {
+    [map(a), map(b), map(c)]
 }
 
 fn refill<T: Copy>(table: &mut Vec<T>, len: usize, value: T) {
@@ -104,43 +104,61 @@ impl Mesh {
         P: IntoIterator<Item = VertexId>,
     {
         map.mark(self, faces, parents);
-        map.number_vertices();
+        number!(VertexId, map.vertex_to, map.vertex_from, faces.len());
+        number!(WedgeId, map.wedge_to, map.wedge_from, faces.len());
         let wedges = map.take_wedges(self);
-        map.section_from.clear();
-        let (mut corners, mut face_wedges) = (Vec::with_capacity(faces.len()), Vec::with_capacity(faces.len()));
-        let (mut opposite, mut face_info) = (Vec::with_capacity(faces.len()), Vec::with_capacity(faces.len()));
-        let mut section_links: Vec<[FaceId; 2]> = Vec::with_capacity(faces.len());
-        let (mut section_head, mut tails) = (Vec::new(), Vec::new());
-        for (new, &f) in faces.iter().enumerate() {
-            let new = FaceId::new(new);
-            corners.push(self.face(f).map(|v| map.vertex_to[v.index()]));
-            face_wedges.push(self.face_wedges(f).map(|w| map.wedge_to[w.index()]));
-            opposite.push(self.opposite[f.index()].map(|h| map.half_edge(h)));
-            let info = self.face_info(f);
-            let section = map.section(info.section);
-            face_info.push(FaceInfo { section, ..info });
-            if section.index() == tails.len() {
-                tails.push(FaceId::NONE);
-                section_head.push(new);
+        let (face_info, section_head, section_links) = self.take_sections(faces, map);
+        let (vertex_to, wedge_to, face_to) = (&map.vertex_to[..], &map.wedge_to[..], &map.face_to[..]);
+        let half_edge = |old: HalfEdge| {
+            if old.is_none() {
+                return old;
             }
-            let before = std::mem::replace(&mut tails[section.index()], new);
-            section_links.push([before, FaceId::NONE]);
-            if before.is_some() {
-                section_links[before.index()][1] = new;
-            }
-        }
-        let half_edges: Vec<HalfEdge> = map.vertex_from.iter().map(|v| map.half_edge(self.vertex_half_edge[v.index()])).collect();
+            let face = face_to[old.face().index()];
+            if face.is_some() { HalfEdge::of(face, old.corner()) } else { HalfEdge::NONE }
+        };
+        let (old_corners, old_wedges, old_opposite) = (&self.faces[..], &self.face_wedges[..], &self.opposite[..]);
+        let corners = faces.iter().map(|f| three(old_corners[f.index()], |v| vertex_to[v.index()]));
+        let face_wedges = faces.iter().map(|f| three(old_wedges[f.index()], |w| wedge_to[w.index()]));
+        let opposite = faces.iter().map(|f| three(old_opposite[f.index()], half_edge));
+        let leaving = &self.vertex_half_edge[..];
         Mesh {
-            faces: corners.into(),
-            opposite: opposite.into(),
-            face_wedges: face_wedges.into(),
+            faces: corners.collect::<Vec<_>>().into(),
+            opposite: opposite.collect::<Vec<_>>().into(),
+            face_wedges: face_wedges.collect::<Vec<_>>().into(),
             face_info: face_info.into(),
-            vertex_half_edge: half_edges.into(),
+            vertex_half_edge: map.vertex_from.iter().map(|v| half_edge(leaving[v.index()])).collect::<Vec<_>>().into(),
             wedges: wedges.into(),
             free_faces: Tracked::default(),
             section_head: section_head.into(),
             section_links: section_links.into(),
         }
+    }
+
+    /// Infos of `faces`, and the lists of their sections, which are numbered in the order that faces ask.
+    fn take_sections(&self, faces: &[FaceId], map: &mut Extraction) -> (Vec<FaceInfo>, Vec<FaceId>, Vec<[FaceId; 2]>) {
+        let (infos, section_to) = (&self.face_info[..], &mut map.section_to[..]);
+        map.section_from.clear();
+        let mut links = vec![[FaceId::NONE; 2]; faces.len()];
+        let (mut heads, mut tails): (Vec<FaceId>, Vec<FaceId>) = (Vec::new(), Vec::new());
+        let taken = faces.iter().enumerate().map(|(new, f)| {
+            let info = infos[f.index()];
+            let new = FaceId(new as u32);
+            let section = section_to[info.section.index()];
+            if section.is_none() {
+                let section = SectionId(heads.len() as u32);
+                section_to[info.section.index()] = section;
+                map.section_from.push(info.section);
+                heads.push(new);
+                tails.push(new);
+                return FaceInfo { section, ..info };
+            }
+            let before = std::mem::replace(&mut tails[section.index()], new);
+            links[new.index()][0] = before;
+            links[before.index()][1] = new;
+            FaceInfo { section, ..info }
+        });
+        let infos = taken.collect();
+        (infos, heads, links)
     }
 
     /// Removes `faces` (live, each once) and puts nothing in their place.

@@ -76,12 +76,13 @@ impl<T: Copy> Tracked<T> {
     pub fn update(&mut self, indices: impl Iterator<Item = usize>, new: impl Fn(T) -> T) {
         let (least, most) = indices.size_hint();
         self.log.reserve(most.unwrap_or(least));
+        let (data, noted) = (&mut self.data[..], self.base_len);
         for index in indices {
-            let old = self.data[index];
-            if index < self.base_len {
+            let old = data[index];
+            data[index] = new(old);
+            if index < noted {
                 self.log.push((index as u32, old));
             }
-            self.data[index] = new(old);
         }
     }
 

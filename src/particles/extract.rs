@@ -139,19 +139,20 @@ impl ParticleMap {
         away: impl Fn(usize) -> bool,
         vertices: impl Iterator<Item = VertexId>,
     ) -> Vec<(ParticleId, VertexId)> {
-        let place = |j: usize| if away(j) && self.anchors[j].is_some() { Some(rest[self.anchors[j].index()]) } else { None };
-        let places: Vec<Option<DVec3>> = (0..self.len()).map(place).collect();
-        if places.iter().all(Option::is_none) {
+        let away: Vec<bool> = (0..self.len()).map(|j| away(j) && self.anchors[j].is_some()).collect();
+        if !away.contains(&true) {
             return Vec::new();
         }
         let mut nearest = vec![(f64::INFINITY, VertexId::NONE); self.len()];
+        let (spans, arena, anchors) = (self.influences.spans(), self.influences.arena(), &self.anchors[..]);
         for v in vertices {
-            for e in self.influences.row(v.index()) {
-                if let Some(place) = places[e.particle.index()] {
-                    let distance = place.distance_squared(rest[v.index()]);
-                    let best = &mut nearest[e.particle.index()];
-                    if distance < best.0 {
-                        *best = (distance, v);
+            let span = spans[v.index()];
+            for e in &arena[span.start as usize..(span.start + span.len) as usize] {
+                let j = e.particle.index();
+                if away[j] {
+                    let distance = rest[anchors[j].index()].distance_squared(rest[v.index()]);
+                    if distance < nearest[j].0 {
+                        nearest[j] = (distance, v);
                     }
                 }
             }

@@ -121,7 +121,12 @@ impl Matrix {
         let mut reach: f64 = 0.0;
         for (head, mass) in self.heads.iter_mut().zip(masses) {
             let blocks = &self.blocks[head.start as usize..head.end as usize];
-            let sum: f64 = blocks.iter().flat_map(|b| b.springs).map(|s| s as f64).sum();
+            let mut sum = 0.0;
+            for block in blocks {
+                for spring in block.springs {
+                    sum += f64::from(spring);
+                }
+            }
             head.gain = coupling / mass;
             head.diagonal = 1.0 + head.gain * sum;
             reach = reach.max(head.gain * sum);
@@ -131,16 +136,20 @@ impl Matrix {
     }
 
     /// Appends a row with springs (`(column, spring)`); columns may be rows to come. To be closed by [`Self::set_stiffness`].
-    pub fn push_row(&mut self, springs: &[(u32, f32)]) {
+    pub fn push_row(&mut self, springs: impl Iterator<Item = (u32, f32)>) {
         let (row, start) = (self.heads.len() as u32, self.blocks.len() as u32);
-        for springs in springs.chunks(BLOCK) {
-            let mut block = Block { columns: [row; BLOCK], springs: [0.0; BLOCK] };
-            for (k, (column, spring)) in springs.iter().enumerate() {
-                (block.columns[k], block.springs[k]) = (*column, *spring);
+        let mut filled = 0;
+        for (column, spring) in springs {
+            let k = filled % BLOCK;
+            if k == 0 {
+                self.blocks.push(Block { columns: [row; BLOCK], springs: [0.0; BLOCK] });
             }
-            self.blocks.push(block);
+            if let Some(block) = self.blocks.last_mut() {
+                (block.columns[k], block.springs[k]) = (column, spring);
+            }
+            filled += 1;
         }
-        self.entries += springs.len();
+        self.entries += filled;
         self.heads.push(Head { start, end: self.blocks.len() as u32, ..Head::default() });
     }
 

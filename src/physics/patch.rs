@@ -74,19 +74,19 @@ impl Network {
         for (row, new) in order.iter().enumerate() {
             row_of[*new as usize] = row as u32;
         }
-        let old_row = |new: &u32| self.row_of.get(kept[*new as usize].index()).map(|row| *row as usize);
-        let carried = |values: &[Lanes]| order.iter().map(|new| old_row(new).map_or([0.0; 4], |row| values[row])).collect();
-        let masses: Vec<f64> = order.iter().map(|new| old_row(new).map_or(1.0, |row| self.masses[row])).collect();
+        let old_row = |new: &u32| self.row_of.get(kept[*new as usize].index()).copied().unwrap_or(u32::MAX);
+        let old_rows: Vec<u32> = order.iter().map(old_row).collect();
+        let carried =
+            |values: &[Lanes]| old_rows.iter().map(|row| values.get(*row as usize).copied().unwrap_or_default()).collect();
+        let mass = |row: &u32| self.masses.get(*row as usize).copied().unwrap_or(1.0);
+        let masses: Vec<f64> = old_rows.iter().map(mass).collect();
         let mut matrix = Matrix::default();
-        let mut springs = Vec::new();
         for (at, new) in order.iter().enumerate() {
-            springs.clear();
-            for (other, weight) in row(*new as usize).into_iter().filter(|spring| sound(*new, spring)) {
+            let springs = row(*new as usize).into_iter().filter(|spring| sound(*new, spring));
+            matrix.push_row(springs.map(|(other, weight)| {
                 let other = row_of[other as usize];
-                let mass = 0.5 * (masses[at] + masses[other as usize]);
-                springs.push((other, (f64::from(weight) * mass) as f32));
-            }
-            matrix.push_row(&springs);
+                (other, (f64::from(weight) * (0.5 * (masses[at] + masses[other as usize]))) as f32)
+            }));
         }
         matrix.set_stiffness(self.settings.anchor_rate(), self.settings.coupling, masses.iter().copied());
         let renamed = |row: u32| row_of.get(new_of[self.order[row as usize] as usize] as usize).copied();

@@ -29,6 +29,7 @@ impl Tissue {
         for faces in parts.iter().filter(|faces| !faces.is_empty()) {
             let piece = self.extract(faces, &mut map);
             let first = gone.len();
+            gone.reserve(map.vertex_from.len());
             gone.extend(piece.mesh.live_vertices().map(|v| map.vertex_from[v.index()]));
             self.mesh.remove_components(faces, gone[first..].iter().copied());
             pieces.push(piece);
