@@ -11,6 +11,8 @@ use glam::DVec3;
 
 /// A piece whose sections are on average this much emptier than they may be gets new ones.
 const SPARSE: usize = 4;
+/// From this share of changed particles on, the network is cut out anew: one in so many.
+const MANY_CHANGED: usize = 8;
 
 impl Tissue {
     /// Faces of each connected component, ascending; components by their lowest face.
@@ -78,10 +80,14 @@ impl Tissue {
     fn forget(&mut self, gone: &[VertexId]) {
         let Some(layer) = &mut self.layer else { return };
         let done = layer.map.forget(&self.mesh, &self.rest, &mut layer.strips, gone.iter().copied());
-        let before = layer.network.len();
-        let kept: Vec<ParticleId> =
-            (0..layer.map.len()).map(|j| if j < before { ParticleId::new(j) } else { ParticleId::NONE }).collect();
-        layer.network = layer.network.subset(&kept, |p| springs(&layer.map, p));
+        let (len, before, map) = (layer.map.len(), layer.network.len(), &layer.map);
+        if MANY_CHANGED * done.particles_changed.len() < len {
+            layer.network.update_springs(len, &done.particles_changed, |p| springs(map, p));
+        } else {
+            let old = |j: usize| if j < before { ParticleId::new(j) } else { ParticleId::NONE };
+            let kept: Vec<ParticleId> = (0..len).map(old).collect();
+            layer.network = layer.network.subset(&kept, |p| springs(map, p));
+        }
         self.hold_changed(&done.rows_before);
     }
 
