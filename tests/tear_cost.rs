@@ -74,9 +74,8 @@ fn a_segment_costs_the_same_on_a_model_sixteen_times_as_large() {
 fn later_segments_of_a_long_stroke_cost_no_more() {
     let reports = tear(20_000, WallMode::Open, 400);
     assert!(reports.len() > 350, "{} segments", reports.len());
-    let mean = |part: &[SegmentReport], of: fn(&SegmentReport) -> usize| {
-        part.iter().map(of).sum::<usize>() as f64 / part.len() as f64
-    };
+    let mean =
+        |part: &[SegmentReport], of: fn(&SegmentReport) -> usize| part.iter().map(of).sum::<usize>() as f64 / part.len() as f64;
     let counters: [fn(&SegmentReport) -> usize; 3] = [|s| s.faces_visited, |s| s.vertices_visited, |s| s.bytes_changed];
     for of in counters {
         let (early, late) = (mean(&reports[50..150], of), mean(&reports[reports.len() - 100..], of));

@@ -278,6 +278,9 @@ impl Mesh {
                 self.faces.set(f.index(), face.corners);
                 self.face_wedges.set(f.index(), face.wedges);
                 self.face_info.set(f.index(), face.info);
+                if self.opposite[f.index()] != [HalfEdge::NONE; 3] {
+                    self.opposite.set(f.index(), [HalfEdge::NONE; 3]); // the slot of a piece that has left
+                }
                 f
             }
             None => {

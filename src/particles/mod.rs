@@ -23,6 +23,7 @@ mod work_rows;
 mod wound;
 
 pub use build::{BuildReport, sigmoid_weight};
+pub use extract::{Forgotten, MapPart, RowBefore};
 pub use map_json::{MapJson, map_json};
 pub use map_update::{LipVertex, MapEdit, MapUpdateReport, NewVertex, UpdateScratch, update_after_edit};
 pub use particle_map::{Influence, Link, ParticleMap, ParticleMapDelta};

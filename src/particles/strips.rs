@@ -83,7 +83,8 @@ pub struct Strips {
     pub(super) places: Places,
 }
 
-/// What is where, for updates that look around a wound. All of it holds supersets: what an undo has taken away does no harm.
+/// What is where, for updates that look around a wound. All of it holds supersets. Undo and redo leave it as it is: whatever comes
+/// back was put in when it was made.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     /// Particles by their anchor.
@@ -96,6 +97,8 @@ pub(super) struct Places {
     lips: Vec<Vec<VertexId>>,
     /// Vertices that are or once were held from beyond a particle's radius.
     pub(super) far: Vec<VertexId>,
+    /// Radius of an ordinary particle, and of a wound particle, metres.
+    radii: [f64; 2],
     is_built: bool,
 }
 
@@ -110,6 +113,7 @@ impl Places {
             anchors: PointGrid::build(positions, settings.reach()),
             holders: Holders::build(map, rest),
             far: (0..rows).map(VertexId::new).filter(is_far).collect(),
+            radii: [settings.radius, settings.wound.radius.min(settings.radius)],
             is_built: true,
             ..Self::default()
         };
@@ -340,27 +344,24 @@ impl Strips {
         }
     }
 
-    /// Forgets where particles and vertices are: needed when mesh or map are not those that the updates saw, as after the
-    /// particles were sampled anew.
-    pub fn forget_places(&mut self) {
-        self.places = Places::default();
+    /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices; wound marks are to follow by
+    /// [`Strips::take_wounds`]. `vertices[new]` is the old vertex of each of the piece's.
+    pub fn extract(&self, vertices: &[VertexId]) -> Self {
+        let known = self.lips.rows();
+        let row = |v: &VertexId| (v.index() < known).then(|| v.index());
+        let lips = if known > 0 { self.lips.gather(vertices.iter().map(row), |lip| *lip) } else { SlotCsr::default() };
+        let Self { geometry, along, groups, bvh, .. } = self.clone();
+        Self { strips: self.strips.to_vec().into(), lips, geometry, along, groups, bvh, ..Self::default() }
     }
 
-    /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices. `vertices[new]` is the
-    /// old vertex of each of the piece's, `particles` the old particle of each of its new ones.
-    pub fn extract(&self, vertices: &[VertexId], particles: &[ParticleId]) -> Self {
-        let lips = SlotCsr::from_rows(vertices.iter().map(|&v| self.lip_sides(v)));
-        let wounds: Vec<WoundMark> = self
-            .wounds
-            .iter()
-            .filter_map(|m| {
-                let new = particles.iter().position(|&p| p == m.particle)?;
-                Some(WoundMark { particle: ParticleId::new(new), ..*m })
-            })
-            .collect();
-        let mut piece = Self { strips: self.strips.to_vec().into(), lips, wounds: wounds.into(), ..Self::default() };
-        piece.derive();
-        piece
+    /// Takes over the wound marks of `whole` that name a particle of this piece. `particles[new]` is the old particle of each
+    /// of the piece's, ascending, [`ParticleId::NONE`] last.
+    pub fn take_wounds(&mut self, whole: &Self, particles: &[ParticleId]) {
+        let renamed = |mark: &WoundMark| {
+            let new = particles.binary_search(&mark.particle).ok()?;
+            Some(WoundMark { particle: ParticleId::new(new), ..*mark })
+        };
+        self.wounds = whole.wounds.iter().filter_map(renamed).collect::<Vec<_>>().into();
     }
 
     /// Everything changed since the last call.
@@ -438,10 +439,23 @@ impl Strips {
         Ok(())
     }
 
-    /// Notes a row of influences that was written by other means than an update.
+    /// Notes that `j` has another anchor and keeps what it holds, which may lie beyond its radius now.
+    pub(super) fn note_moved(&mut self, map: &ParticleMap, rest: &[DVec3], j: ParticleId) {
+        let at = rest[map.anchors[j.index()].index()];
+        let Places { anchors, holders, far, radii, is_built, .. } = &mut self.places;
+        if *is_built {
+            anchors.insert(j.0, at);
+            let radius = radii[usize::from(map.is_wound(j))];
+            let is_far = |v: &VertexId| rest.get(v.index()).is_some_and(|p| p.distance(at) >= radius);
+            holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |v| far.extend(Some(v).filter(is_far)));
+        }
+    }
+
+    /// Notes a row of influences, of whatever reach, that was written by other means than an update.
     pub(super) fn note_held(&mut self, v: VertexId, at: DVec3, row: &[Influence]) {
         if self.places.is_built {
             row.iter().for_each(|i| self.places.holders.push(i.particle, v, at));
+            self.places.far.push(v);
         }
     }
 

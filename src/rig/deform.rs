@@ -19,6 +19,11 @@ pub struct Fades {
 }
 
 impl Fades {
+    /// The same rules and times, for other vertices.
+    pub fn like(&self) -> Self {
+        Self { entries: Vec::new(), end_s: self.end_s, duration_s: self.duration_s, longest: self.longest }
+    }
+
     /// Weight of a fade that began at `start`: a smoothstep from 1 to 0.
     pub fn alpha(&self, start: f32, time_s: f64) -> f64 {
         if self.duration_s <= 0.0 {

@@ -14,7 +14,7 @@ pub mod touch;
 mod walls;
 
 use crate::formats::{Material, Model};
-use crate::geometry::{FaceId, Mesh, ParticleId, StateHash, VertexId};
+use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, StateHash, VertexId};
 use crate::particles::{ParticleMap, ParticleMapDelta, ParticleSettings, Strips, StripsDelta, UpdateScratch, sample};
 use crate::physics::direct_displacement::target;
 use crate::physics::{Network, NetworkSettings, NetworkTopology, RigidPose, StepScratch};
@@ -131,6 +131,7 @@ struct TissueScratch {
     pose: PoseScratch,
     step: StepScratch,
     update: UpdateScratch,
+    extraction: Extraction,
     rest_displacements: Vec<[f64; 3]>,
     /// Held particles: id, anchor as skinned, displacement.
     held: Vec<(ParticleId, DVec3, DVec3)>,
