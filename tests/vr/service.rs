@@ -232,7 +232,8 @@ impl Service {
             Some(desktop) => command.env("DISPLAY", desktop.name()),
             None => command.env_remove("DISPLAY"),
         };
-        command.env_remove("WAYLAND_DISPLAY");
+        // The software driver's own cache of compiled shaders reads and writes files, and is not what is tested.
+        command.env_remove("WAYLAND_DISPLAY").env("MESA_SHADER_CACHE_DISABLE", "true");
         command
     }
 }
