@@ -9,11 +9,15 @@ impl Tissue {
     /// Faces of the sections whose posed bounds, widened by all displacements, meet `low..high` (tissue space), section by section.
     /// Call [`Tissue::refresh_sections`] first.
     pub(super) fn faces_near(&self, low: DVec3, high: DVec3, out: &mut Vec<FaceId>) {
+        self.faces_where(|l, h| !(l.cmpgt(high).any() || h.cmplt(low).any()), out);
+    }
+
+    /// Faces of the sections whose widened posed bounds, low and high, satisfy `meets`.
+    pub(super) fn faces_where(&self, meets: impl Fn(DVec3, DVec3) -> bool, out: &mut Vec<FaceId>) {
         out.clear();
         let widen = self.widening();
-        for (s, &(section_low, section_high)) in self.sections.current().iter().enumerate() {
-            let apart = (section_low - widen.1).cmpgt(high).any() || (section_high + widen.0).cmplt(low).any();
-            if !apart {
+        for (s, &(low, high)) in self.sections.current().iter().enumerate() {
+            if meets(low - widen.1, high + widen.0) {
                 out.extend(self.mesh.section_faces(SectionId::new(s)));
             }
         }
@@ -101,7 +105,7 @@ impl Tissue {
         faces: &mut Vec<FaceId>,
         position: impl Fn(VertexId) -> DVec3,
     ) -> Option<(f64, FaceId)> {
-        self.faces_near(tip.min(base), tip.max(base), faces);
+        self.faces_where(|low, high| segment_meets_box(tip, base, low, high), faces);
         let mut first: Option<(f64, FaceId)> = None;
         for &f in faces.iter() {
             if let Some(s) = segment_triangle(base, tip, self.mesh.face(f).map(&position))
@@ -115,6 +119,21 @@ impl Tissue {
         let leaves = (b - a).cross(c - a).dot(tip - base) > 0.0;
         Some((if leaves { 0.0 } else { s }, f))
     }
+}
+
+/// False only if the segment `p -> q` misses the box.
+fn segment_meets_box(p: DVec3, q: DVec3, low: DVec3, high: DVec3) -> bool {
+    let (half, half_way) = ((high - low) / 2.0, (q - p) / 2.0);
+    let (middle, reach) = ((p + q) / 2.0 - (low + high) / 2.0, half_way.abs());
+    if middle.abs().cmpgt(half + reach).any() {
+        return false;
+    }
+    // the axes across the segment and an edge of the box, by more than rounding
+    let turn = half_way.cross(middle).abs();
+    let most =
+        DVec3::new(half.y * reach.z + half.z * reach.y, half.z * reach.x + half.x * reach.z, half.x * reach.y + half.y * reach.x);
+    let slack = 1e-12 * (reach.length() + half.length()) * (middle.length() + half.length());
+    turn.cmple(most + slack).all()
 }
 
 /// Parameter at which the segment `p -> q` meets a triangle, edges and corners included; `None` if it does not, or lies in its
@@ -137,6 +156,30 @@ fn segment_triangle(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_segment_meets_the_boxes_that_its_points_are_in() {
+        let mut drawn = 0;
+        let mut unit = || {
+            drawn += 1;
+            (crate::particles::random::draw(5, drawn) >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let mut at = |scale: f64| DVec3::new(unit(), unit(), unit()) * scale;
+        let mut missed = 0;
+        for _ in 0..2000 {
+            let (p, q) = (at(3.0), at(3.0));
+            let low = at(2.5);
+            let high = low + at(0.7);
+            let inside = (0..=400).any(|i| {
+                let x = p.lerp(q, f64::from(i) / 400.0);
+                x.cmpge(low).all() && x.cmple(high).all()
+            });
+            let meets = segment_meets_box(p, q, low, high);
+            assert!(meets || !inside);
+            missed += usize::from(!meets);
+        }
+        assert!(missed > 1000, "{missed}");
+    }
 
     #[test]
     fn segments_meet_triangles_at_edges_too() {
