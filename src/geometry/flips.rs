@@ -12,7 +12,8 @@ const MOST_FLIPS_AN_EDGE: usize = 64;
 /// Buffers of the flips.
 #[derive(Debug, Default)]
 pub(super) struct Flips {
-    opposite: Vec<u32>,
+    /// Result: opposite half-edges.
+    pub opposite: Vec<u32>,
     stack: Vec<u32>,
     queued: Vec<bool>,
 }

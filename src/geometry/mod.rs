@@ -2,6 +2,7 @@
 
 pub mod components;
 pub mod csr;
+mod divide;
 mod ears;
 pub mod extract;
 mod flips;
@@ -28,4 +29,4 @@ pub use mesh::{FaceInfo, Mesh, MeshDelta, Wedge};
 pub use predicates::Plane;
 pub use topology::{NewFace, SplitVertex, TopologyScratch};
 pub use tracked::{Delta, Tracked};
-pub use triangulate::{TriangulationOutcome, Triangulator};
+pub use triangulate::{NO_OPPOSITE, TriangulationOutcome, Triangulator};

@@ -15,7 +15,7 @@ pub struct Tracked<T> {
     log: Vec<(u32, T)>,
     /// Shortest length since the last delta: entries from here on are new.
     base_len: usize,
-    /// Entries cut off below `base_len`, first to last.
+    /// Entries cut off below `base_len`, last to first.
     cut: Vec<T>,
     /// Length at the last delta.
     start_len: usize,
@@ -86,11 +86,18 @@ impl<T: Copy> Tracked<T> {
         self.data.len() - values.len()
     }
 
+    /// Appends copies of entries and returns the position of the first.
+    pub fn extend_from_within(&mut self, range: Range<usize>) -> usize {
+        let first = self.data.len();
+        self.data.extend_from_within(range);
+        first
+    }
+
     /// Removes and returns the last entry.
     pub fn pop(&mut self) -> Option<T> {
         let value = *self.data.last()?;
         if self.data.len() <= self.base_len {
-            self.cut.insert(0, value);
+            self.cut.push(value);
             self.base_len -= 1;
         }
         self.data.pop();
@@ -104,6 +111,7 @@ impl<T: Copy> Tracked<T> {
 
     /// Everything noted since the last call; the notes start anew.
     pub fn take_delta(&mut self) -> Delta<T> {
+        self.cut.reverse();
         let delta = Delta {
             len: self.start_len,
             writes: std::mem::take(&mut self.log),

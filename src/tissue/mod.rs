@@ -14,7 +14,9 @@ mod walls;
 
 use crate::formats::{Material, Model};
 use crate::geometry::{FaceId, Mesh, ParticleId, StateHash, VertexId};
-use crate::particles::{ParticleMap, ParticleMapDelta, ParticleSettings, Strips, StripsDelta, UpdateScratch, sample};
+use crate::particles::{
+    ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
+};
 use crate::physics::direct_displacement::target;
 use crate::physics::{Network, NetworkSettings, NetworkTopology, RigidPose, StepScratch};
 use crate::rig::{Fades, Pose, PoseScratch, Rig, VertexRows, VertexRowsDelta, final_position};
@@ -106,10 +108,15 @@ struct Posed<'a> {
     fades: &'a Fades,
     layer: Option<&'a SoftLayer>,
     time_s: f64,
+    /// True if nothing displaces a vertex: its skinned position is its final one.
+    still: bool,
 }
 
 impl Posed<'_> {
     fn position(&self, v: VertexId) -> DVec3 {
+        if self.still {
+            return self.pose.skin(self.rows, v);
+        }
         let (row, displacements) = match self.layer {
             // a vertex inserted a moment ago has no row yet
             Some(layer) if v.index() < layer.map.influences.rows() => {
@@ -130,6 +137,7 @@ struct TissueScratch {
     pose: PoseScratch,
     step: StepScratch,
     update: UpdateScratch,
+    plane_update: PlaneUpdateScratch,
     rest_displacements: Vec<[f64; 3]>,
     /// Held particles: id, anchor as skinned, displacement.
     held: Vec<(ParticleId, DVec3, DVec3)>,
@@ -361,7 +369,13 @@ impl Tissue {
     /// Final position of a vertex as the user sees it, tissue space (MATHS 2.1, 2.2).
     pub fn position(&self, v: VertexId) -> DVec3 {
         let Self { rows, pose, fades, layer, time_s, .. } = self;
-        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s }.position(v)
+        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still: false }.position(v)
+    }
+
+    /// True if neither particles nor fades displace anything now: final positions are skinned ones, bit for bit.
+    fn is_still(&self) -> bool {
+        let at_rest = |l: &SoftLayer| l.displacements().iter().all(|u| *u == DVec3::ZERO);
+        self.layer.as_ref().is_none_or(at_rest) && !self.fades.running(self.time_s)
     }
 
     /// Carries a posed point (tissue space) to rest space with the frame of vertex `v`.

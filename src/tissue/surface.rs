@@ -34,7 +34,8 @@ impl Tissue {
     pub(super) fn faces_across(&self, plane: &Plane, out: &mut Vec<FaceId>) -> [bool; 2] {
         out.clear();
         let widen = self.widening();
-        let size = plane.normal().abs();
+        let normal = plane.normal();
+        let (size, level) = (normal.abs(), plane.distance(DVec3::ZERO));
         let mut beyond = [false; 2];
         for (s, &(low, high)) in self.sections.current().iter().enumerate() {
             let mut faces = self.mesh.section_faces(SectionId::new(s)).peekable();
@@ -42,7 +43,7 @@ impl Tissue {
                 continue;
             }
             let (low, high) = (low - widen.1, high + widen.0);
-            let (middle, reach) = (plane.distance((low + high) / 2.0), size.dot((high - low) / 2.0));
+            let (middle, reach) = (normal.dot((low + high) / 2.0) + level, size.dot((high - low) / 2.0));
             match middle {
                 m if m > reach => beyond[0] = true,
                 m if m < -reach => beyond[1] = true,
