@@ -109,6 +109,16 @@ impl<T: Copy> Tracked<T> {
         !self.log.is_empty() || self.data.len() != self.start_len || self.base_len != self.start_len
     }
 
+    /// Indices written or appended since the last delta, repeats possible.
+    pub fn touched(&self) -> impl Iterator<Item = usize> + '_ {
+        self.log.iter().map(|w| w.0 as usize).chain(self.base_len..self.data.len())
+    }
+
+    /// Values that were written over since the last delta.
+    pub fn overwritten(&self) -> impl Iterator<Item = &T> + '_ {
+        self.log.iter().map(|w| &w.1)
+    }
+
     /// Everything noted since the last call; the notes start anew.
     pub fn take_delta(&mut self) -> Delta<T> {
         self.cut.reverse();
@@ -155,6 +165,17 @@ impl<T> Delta<T> {
     /// True if nothing changed.
     pub fn is_empty(&self) -> bool {
         self.writes.is_empty() && self.len == self.new_len && self.restore_from == self.len
+    }
+
+    /// Indices that differ between the two states, or may, repeats possible.
+    pub fn touched(&self) -> impl Iterator<Item = usize> + '_ {
+        let tail = self.restore_from..self.len.max(self.new_len);
+        self.writes.iter().map(|w| w.0 as usize).chain(tail)
+    }
+
+    /// Values that applying the delta brings back.
+    pub fn overwritten(&self) -> impl Iterator<Item = &T> + '_ {
+        self.writes.iter().map(|w| &w.1).chain(&self.tail)
     }
 
     /// The entries that differ between the two states, as sorted, merged index ranges of the longer one.

@@ -70,6 +70,7 @@ impl Tissue {
     /// plane; pieces are told apart by [`Tissue::component_faces`]. Untouched on a miss. Particles hold vertices of the other
     /// side that they held before until the pieces are taken apart.
     pub fn cut(&mut self, plane: &Plane, scratch: &mut PlaneCutScratch, stages: &mut Stages) -> PlaneCutOutcome {
+        let key = self.position_key();
         let outcome = stages.time("split", || {
             self.refresh_sections();
             let mut faces = std::mem::take(&mut self.scratch.faces);
@@ -82,14 +83,17 @@ impl Tissue {
         });
         if !outcome.missed() {
             stages.time("rows", || self.add_vertices(&outcome.new_vertices));
-            stages.time("particle_map", || self.map_plane_cut(plane, scratch, &outcome));
+            if stages.time("particle_map", || self.map_plane_cut(plane, scratch, &outcome)) {
+                self.positions_kept(key);
+            }
             self.versions.structure += 1;
         }
         outcome
     }
 
-    /// Influences of the vertices that a plane cut made, and fades that hold them on the plane.
-    fn map_plane_cut(&mut self, plane: &Plane, cut: &PlaneCutScratch, outcome: &PlaneCutOutcome) {
+    /// Influences of the vertices that a plane cut made, and fades that hold them on the plane. False if other vertices may have
+    /// got fades too.
+    fn map_plane_cut(&mut self, plane: &Plane, cut: &PlaneCutScratch, outcome: &PlaneCutOutcome) -> bool {
         let still = self.is_still();
         let new = &outcome.new_vertices;
         let (pairs, copies) = new.split_at(2 * outcome.intersection_points);
@@ -121,6 +125,7 @@ impl Tissue {
         } else {
             self.fade_from(new.iter().map(|n| (n.vertex, n.position)));
         }
+        all_held
     }
 
     /// The mesh to edit, and everything that final positions need.

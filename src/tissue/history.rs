@@ -55,7 +55,9 @@ impl Tissue {
             Some(layer) => (layer.map.apply_delta(delta.map), layer.strips.apply_delta(delta.strips)),
             None => Default::default(),
         };
-        TissueDelta { mesh: self.mesh.apply_delta(delta.mesh), rows: self.rows.apply_delta(delta.rows), map, strips }
+        let mesh = self.mesh.apply_delta(delta.mesh);
+        self.note_travel(&mesh);
+        TissueDelta { mesh, rows: self.rows.apply_delta(delta.rows), map, strips }
     }
 
     /// Brings the arrays derived from rows to their length.

@@ -1,6 +1,7 @@
 //! A tissue: mesh, rig, particles and dynamics of one soft body. Tissue space is metres relative to the tissue's origin.
 
 mod bounded_cut;
+mod cavities;
 pub mod edit;
 pub mod forces;
 mod history;
@@ -99,6 +100,7 @@ pub struct Tissue {
     opening_s: f64,
     /// Rows that grew too long and became base vertices, so far.
     promoted_vertices: usize,
+    tally: measure::Tally,
 }
 
 /// All that final positions depend on, apart from the mesh.
@@ -249,6 +251,7 @@ impl Tissue {
             section_faces: settings.section_faces,
             opening_s: settings.opening_s,
             promoted_vertices: 0,
+            tally: measure::Tally::default(),
         };
         tissue.build_sections();
         let (low, high) = tissue.bounds();
@@ -259,6 +262,7 @@ impl Tissue {
             tissue.layer = Some(layer);
         }
         tissue.discard_delta();
+        tissue.refresh_tally();
         Ok(tissue)
     }
 
@@ -372,6 +376,12 @@ impl Tissue {
         Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still: false }.position(v)
     }
 
+    /// [`Tissue::position`] for many vertices.
+    fn posed(&self) -> Posed<'_> {
+        let Self { rows, pose, fades, layer, time_s, .. } = self;
+        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still: self.is_still() }
+    }
+
     /// True if neither particles nor fades displace anything now: final positions are skinned ones, bit for bit.
     fn is_still(&self) -> bool {
         let at_rest = |l: &SoftLayer| l.displacements().iter().all(|u| *u == DVec3::ZERO);
@@ -465,6 +475,7 @@ impl Tissue {
 
     /// Everything that edits have changed since the last call.
     pub fn take_delta(&mut self) -> TissueDelta {
+        self.note_edits();
         let (map, strips) = match &mut self.layer {
             Some(layer) => (layer.map.take_delta(), layer.strips.take_delta()),
             None => Default::default(),

@@ -35,6 +35,7 @@ impl Tissue {
             sections: Default::default(),
             scratch: Default::default(),
             touch: Default::default(),
+            tally: Default::default(),
             forces: self.forces.fresh(),
             ..*self
         };

@@ -65,7 +65,7 @@ impl Tissue {
     }
 
     /// How far particles and fades may carry a vertex along each axis: (towards high, towards low), metres (MATHS 5.8).
-    fn widening(&self) -> (DVec3, DVec3) {
+    pub(super) fn widening(&self) -> (DVec3, DVec3) {
         let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
         let (mut high, mut low) = (margin, margin);
         if let Some(layer) = &self.layer {
