@@ -166,6 +166,12 @@ impl<T: Copy + Pod> SlotCsr<T> {
         }
     }
 
+    /// Makes room for what edits will append.
+    pub fn make_room(&mut self) {
+        self.spans.make_room();
+        self.entries.make_room();
+    }
+
     /// Everything changed since the last call.
     pub fn take_delta(&mut self) -> SlotCsrDelta<T> {
         SlotCsrDelta { spans: self.spans.take_delta(), entries: self.entries.take_delta() }

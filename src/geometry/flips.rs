@@ -24,9 +24,11 @@ impl Flips {
         self.opposite.clear();
         self.opposite.extend_from_slice(opposite);
         self.stack.clear();
-        self.stack.extend((0..opposite.len() as u32).filter(|&h| opposite[h as usize] != NONE));
+        // one half-edge an edge
+        let first = |h: u32| opposite[h as usize] != NONE && h < opposite[h as usize];
+        self.stack.extend((0..opposite.len() as u32).filter(|&h| first(h)));
         self.queued.clear();
-        self.queued.extend(opposite.iter().map(|&back| back != NONE));
+        self.queued.extend((0..opposite.len() as u32).map(first));
         let mut left = MOST_FLIPS_AN_EDGE * opposite.len();
         while let Some(h) = self.stack.pop() {
             self.queued[h as usize] = false;
@@ -75,7 +77,8 @@ impl Flips {
         pairs.remove(a, b);
         pairs.insert(c, d);
         for e in [3 * t, 3 * t + 1, 3 * u, 3 * u + 1] {
-            if self.opposite[e as usize] != NONE && !self.queued[e as usize] {
+            let back = self.opposite[e as usize];
+            if back != NONE && !self.queued[e as usize] && !self.queued[back as usize] {
                 self.queued[e as usize] = true;
                 self.stack.push(e);
             }

@@ -72,6 +72,11 @@ impl<T: Copy> Tracked<T> {
         self.data[index] = value;
     }
 
+    /// Makes room for the entries that edits will append: a growing array is copied as a whole, which no edit should wait for.
+    pub fn make_room(&mut self) {
+        self.data.reserve(self.data.len() / 8 + 256);
+    }
+
     /// Appends one entry and returns its position.
     #[inline]
     pub fn push(&mut self, value: T) -> usize {
@@ -122,9 +127,12 @@ impl<T: Copy> Tracked<T> {
     /// Everything noted since the last call; the notes start anew.
     pub fn take_delta(&mut self) -> Delta<T> {
         self.cut.reverse();
+        // a copy of just the size: the notes keep their room for the next edit
+        let writes = self.log.clone();
+        self.log.clear();
         let delta = Delta {
             len: self.start_len,
-            writes: std::mem::take(&mut self.log),
+            writes,
             tail: std::mem::take(&mut self.cut),
             restore_from: self.base_len,
             new_len: self.data.len(),
@@ -241,6 +249,11 @@ macro_rules! tracked_arrays {
             /// Goes back by `delta` (the newest taken) and returns the way forward.
             pub fn apply_delta(&mut self, delta: $delta) -> $delta {
                 $delta { $($field: self.$field.apply(delta.$field),)* }
+            }
+
+            /// Makes room in every array for what edits will append.
+            pub fn make_room(&mut self) {
+                $(self.$field.make_room();)*
             }
 
             /// Feeds every tracked array into `hash`.

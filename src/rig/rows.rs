@@ -176,6 +176,13 @@ impl VertexRows {
         Ok(())
     }
 
+    /// Makes room for what edits will append.
+    pub fn make_room(&mut self) {
+        self.rest_position.make_room();
+        self.rows.make_room();
+        self.bones.make_room();
+    }
+
     /// Everything changed since the last call.
     pub fn take_delta(&mut self) -> VertexRowsDelta {
         VertexRowsDelta {

@@ -131,8 +131,9 @@ impl Tissue {
     /// The mesh to edit, and everything that final positions need.
     pub(super) fn split_borrow(&mut self) -> (&mut crate::geometry::Mesh, Posed<'_>) {
         let still = self.is_still();
-        let Self { mesh, rows, pose, fades, layer, time_s, .. } = self;
-        (mesh, Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still })
+        let Self { mesh, rows, rest, pose, fades, layer, time_s, .. } = self;
+        let rest = (still && pose.joint_matrices.is_empty()).then_some(rest.as_slice());
+        (mesh, Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still, rest })
     }
 
     /// Rows and rest positions of inserted vertices.

@@ -112,13 +112,21 @@ struct Posed<'a> {
     time_s: f64,
     /// True if nothing displaces a vertex: its skinned position is its final one.
     still: bool,
+    /// Final positions as they lie there, if no joint moves anything either.
+    rest: Option<&'a [DVec3]>,
 }
 
 impl Posed<'_> {
+    #[inline]
     fn position(&self, v: VertexId) -> DVec3 {
-        if self.still {
-            return self.pose.skin(self.rows, v);
+        match self.rest {
+            Some(rest) => rest[v.index()],
+            None if self.still => self.pose.skin(self.rows, v),
+            None => self.displaced(v),
         }
+    }
+
+    fn displaced(&self, v: VertexId) -> DVec3 {
         let (row, displacements) = match self.layer {
             // a vertex inserted a moment ago has no row yet
             Some(layer) if v.index() < layer.map.influences.rows() => {
@@ -262,6 +270,7 @@ impl Tissue {
             tissue.layer = Some(layer);
         }
         tissue.discard_delta();
+        tissue.make_room();
         tissue.refresh_tally();
         Ok(tissue)
     }
@@ -373,13 +382,15 @@ impl Tissue {
     /// Final position of a vertex as the user sees it, tissue space (MATHS 2.1, 2.2).
     pub fn position(&self, v: VertexId) -> DVec3 {
         let Self { rows, pose, fades, layer, time_s, .. } = self;
-        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still: false }.position(v)
+        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still: false, rest: None }.displaced(v)
     }
 
     /// [`Tissue::position`] for many vertices.
     fn posed(&self) -> Posed<'_> {
-        let Self { rows, pose, fades, layer, time_s, .. } = self;
-        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still: self.is_still() }
+        let still = self.is_still();
+        let Self { rows, rest, pose, fades, layer, time_s, .. } = self;
+        let rest = (still && pose.joint_matrices.is_empty()).then_some(rest.as_slice());
+        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still, rest }
     }
 
     /// True if neither particles nor fades displace anything now: final positions are skinned ones, bit for bit.
@@ -481,6 +492,16 @@ impl Tissue {
             None => Default::default(),
         };
         TissueDelta { mesh: self.mesh.take_delta(), rows: self.rows.take_delta(), map, strips }
+    }
+
+    /// Makes room in every array for what edits append, so that none is copied as a whole in an edit.
+    fn make_room(&mut self) {
+        self.mesh.make_room();
+        self.rows.make_room();
+        self.rest.reserve(self.rest.len() / 8 + 256);
+        if let Some(layer) = &mut self.layer {
+            layer.map.influences.make_room();
+        }
     }
 
     fn discard_delta(&mut self) {
