@@ -41,6 +41,9 @@ impl Tissue {
     fn cap(&mut self, plane: &Plane, split: &PlaneCutOutcome, scratch: &mut CutScratch) -> CapOutcome {
         let dress = CapDress { normal: plane.normal(), material: self.cap_material() };
         let rest_normal = |tissue: &Posed<'_>, v: VertexId, normal: DVec3| {
+            if tissue.pose.joint_matrices.is_empty() {
+                return normal.as_vec3().to_array();
+            }
             // cofactors take it to `normal` in this pose
             let linear = tissue.pose.blended_linear(tissue.rows, v);
             (linear.transpose() * normal).try_normalize().unwrap_or(normal).as_vec3().to_array()

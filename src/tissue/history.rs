@@ -89,8 +89,15 @@ impl Tissue {
         self.rows.rows.spans().iter().map(|s| s.len as usize).max().unwrap_or(0)
     }
 
-    /// The side of `plane` (tissue space) that the tissue lies on: by the vertex farthest from it.
+    /// The side of `plane` (tissue space) that the tissue lies on: by its sections, as a cut has brought them to the pose, or by
+    /// the vertex farthest from the plane.
     pub fn side_of(&self, plane: &Plane) -> i8 {
+        let mut near = Vec::new();
+        match self.faces_across(plane, &mut near) {
+            [true, false] if near.is_empty() => return 1,
+            [false, true] if near.is_empty() => return -1,
+            _ => {}
+        }
         let distances = self.mesh.live_vertices().map(|v| plane.distance(self.position(v)));
         let farthest = distances.fold(0.0f64, |m, d| if d.abs() > m.abs() { d } else { m });
         if farthest < 0.0 { -1 } else { 1 }
