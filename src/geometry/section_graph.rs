@@ -45,6 +45,9 @@ pub struct SectionGraph {
     slots: Vec<[u32; 2]>,
     search: u32,
     loose: Vec<FaceId>,
+    /// Piece of each loose face.
+    label: Vec<u32>,
+    stack: Vec<u32>,
     parent: Vec<u32>,
     part_of: Vec<u32>,
 }
@@ -179,18 +182,7 @@ impl SectionGraph {
                 self.list(mesh, SectionId::new(s));
             }
         }
-        self.parent.clear();
-        self.parent.extend(0..(sections + self.loose.len()) as u32);
-        for (i, &f) in self.loose.iter().enumerate() {
-            for across in mesh.all_opposites()[f.index()].into_iter().filter(|h| h.is_some()) {
-                let node = match self.place(across.face()) {
-                    Some(j) if (j as usize) < i => continue, // joined from there
-                    Some(j) => sections as u32 + j,
-                    None => mesh.face_info(across.face()).section.0,
-                };
-                join(&mut self.parent, (sections + i) as u32, node);
-            }
-        }
+        self.flood_loose(mesh);
         let Self { facts, stale, parent, .. } = &mut *self;
         let is_node = |s: usize| !stale[s] && facts[s].whole;
         for s in (0..sections).filter(|&s| is_node(s)) {
@@ -201,9 +193,54 @@ impl SectionGraph {
         self.collect(mesh)
     }
 
+    /// Sorts the loose faces into pieces, nodes behind those of the sections, and joins each to the whole sections it touches.
+    fn flood_loose(&mut self, mesh: &Mesh) {
+        let sections = mesh.sections() as u32;
+        let Self { slots, search, loose, label, stack, parent, .. } = self;
+        parent.clear();
+        parent.extend(0..sections);
+        label.clear();
+        label.resize(loose.len(), u32::MAX);
+        for seed in 0..loose.len() {
+            if label[seed] != u32::MAX {
+                continue;
+            }
+            let node = parent.len() as u32;
+            parent.push(node);
+            label[seed] = node;
+            stack.push(seed as u32);
+            let mut last = u32::MAX;
+            while let Some(i) = stack.pop() {
+                for across in mesh.all_opposites()[loose[i as usize].index()] {
+                    if across.is_none() {
+                        continue;
+                    }
+                    let f = across.face();
+                    let [met, place] = slots[f.index()];
+                    if met != *search {
+                        let section = mesh.face_info(f).section.0;
+                        if section != last {
+                            join(parent, node, section);
+                            last = section;
+                        }
+                    } else if label[place as usize] == u32::MAX {
+                        label[place as usize] = node;
+                        stack.push(place);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Vertices of all sections and the lowest face of the model as loaded that they have a part of. Of a refreshed graph.
+    pub fn totals(&self) -> (usize, u32) {
+        let lowest = self.facts.iter().filter(|f| f.faces > 0).map(|f| f.lowest_origin).min();
+        (self.facts.iter().map(|f| f.vertices).sum(), lowest.unwrap_or(u32::MAX))
+    }
+
     fn collect(&mut self, mesh: &Mesh) -> Vec<Part> {
         let sections = self.facts.len();
-        let Self { facts, stale, loose, parent, part_of, .. } = self;
+        let Self { facts, stale, loose, label, parent, part_of, .. } = self;
         let mut parts: Vec<Part> = Vec::new();
         part_of.clear();
         part_of.resize(parent.len(), u32::MAX);
@@ -232,7 +269,7 @@ impl SectionGraph {
             part.lowest_origin = part.lowest_origin.min(facts.lowest_origin);
         }
         for (i, &f) in loose.iter().enumerate() {
-            let at = part(sections + i, &mut parts);
+            let at = part(label[i] as usize, &mut parts);
             let part = &mut parts[at];
             part.loose.push(f);
             part.faces += 1;

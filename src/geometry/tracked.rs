@@ -204,7 +204,14 @@ impl<T> Delta<T> {
 
     /// Bytes of the entries that differ, each counted once.
     pub fn dirty_bytes(&self) -> usize {
-        self.dirty_ranges(0).iter().map(|r| r.len()).sum::<usize>() * std::mem::size_of::<T>()
+        // a bit an entry: nothing to sort
+        let mut seen = vec![0u64; self.restore_from.div_ceil(64)];
+        let mut count = self.len.max(self.new_len) - self.restore_from;
+        for i in self.writes.iter().map(|w| w.0 as usize).filter(|&i| i < self.restore_from) {
+            count += usize::from(seen[i / 64] >> (i % 64) & 1 == 0);
+            seen[i / 64] |= 1 << (i % 64);
+        }
+        count * std::mem::size_of::<T>()
     }
 
     /// Heap bytes that the delta holds.
@@ -328,6 +335,7 @@ mod tests {
             run(&mut array, &edit);
             let delta = array.take_delta();
             let ranges = delta.dirty_ranges(0);
+            prop_assert_eq!(delta.dirty_bytes(), 4 * ranges.iter().map(|r| r.len()).sum::<usize>());
             for i in 0..array.len().max(start.len()) {
                 if array.get(i) != start.get(i) {
                     prop_assert!(ranges.iter().any(|r| r.contains(&i)));

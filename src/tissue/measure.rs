@@ -122,7 +122,6 @@ impl Tissue {
             return sums.clone();
         }
         self.refresh_tally();
-        let parts = self.tally.graph.parts(&self.mesh);
         let mut measures = Measures::EMPTY;
         self.tally.sections.iter().for_each(|s| measures.add(&s.0));
         let mut open = Vec::new();
@@ -130,11 +129,8 @@ impl Tissue {
             open_edges(&self.mesh, self.mesh.section_faces(SectionId::new(s)), &mut open);
         }
         measures.count_edges(&mut open);
-        let sums = Sums {
-            measures,
-            vertices: parts.iter().map(|p| p.vertices).sum(),
-            lowest_origin: parts.iter().map(|p| p.lowest_origin).min().unwrap_or(u32::MAX),
-        };
+        let (vertices, lowest_origin) = self.tally.graph.totals();
+        let sums = Sums { measures, vertices, lowest_origin };
         debug_assert!(self.are_right(&sums, 1e-9), "{sums:?} and {:?}", self.measure_all());
         self.tally.whole = Some(sums.clone());
         sums
