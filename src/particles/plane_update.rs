@@ -73,8 +73,13 @@ pub fn update_after_plane_cut(
             }
         }
         for side in 0..2 {
-            scratch.fill_row(side, settings);
+            let within_reach = scratch.fill_row(side, settings);
             map.influences.push_row(&scratch.row);
+            if within_reach {
+                strips.note_within_reach(vertices[side], at, &scratch.row);
+            } else {
+                strips.note_held(vertices[side], at, &scratch.row);
+            }
             all_held &= !scratch.row.is_empty();
         }
     }
@@ -86,6 +91,7 @@ pub fn update_after_plane_cut(
         scratch.row.clear();
         scratch.row.extend_from_slice(map.influences.row(from.index()));
         map.influences.push_row(&scratch.row);
+        strips.note_held(copy, rest[copy.index()], &scratch.row);
     }
     all_held
 }
@@ -149,8 +155,8 @@ impl PlaneUpdateScratch {
         self.known[slot[1] as usize]
     }
 
-    /// The row of one side from what was weighed.
-    fn fill_row(&mut self, side: usize, settings: &ParticleSettings) {
+    /// The row of one side from what was weighed. False if its particles are out of reach.
+    fn fill_row(&mut self, side: usize, settings: &ParticleSettings) -> bool {
         let limit = settings.max_influences + EXTRA_INFLUENCES / 2;
         self.row.clear();
         if self.weighted[side].iter().all(|e| e.0 <= 0.0) {
@@ -159,7 +165,7 @@ impl PlaneUpdateScratch {
             let held = &self.weighted[side ^ others];
             let share = 1.0 / held.len().min(limit) as f32;
             self.row.extend(held.iter().take(limit).map(|&(_, particle)| Influence { particle, weight: share }));
-            return;
+            return false;
         }
         let own = &mut self.weighted[side];
         if own.len() > limit {
@@ -168,5 +174,6 @@ impl PlaneUpdateScratch {
         let sum: f64 = own.iter().map(|e| e.0).sum();
         let influence = |&(w, particle): &(f64, ParticleId)| Influence { particle, weight: (w / sum) as f32 };
         self.row.extend(own.iter().map(influence).filter(|e| e.weight >= f32::MIN_POSITIVE));
+        true
     }
 }
