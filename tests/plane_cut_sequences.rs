@@ -248,7 +248,8 @@ fn a_cavity_stays_with_the_piece_that_encloses_it_not_with_the_largest() {
 
 #[test]
 fn a_cavity_of_a_body_inside_a_cavity_stays_with_that_body() {
-    let nested = [([0.0; 3], 2.0, false), ([0.0, 0.3, 0.0], 1.0, true), ([0.0, 0.3, 0.1], 0.7, false), ([0.1, 0.3, 0.0], 0.3, true)];
+    let nested =
+        [([0.0; 3], 2.0, false), ([0.0, 0.3, 0.0], 1.0, true), ([0.0, 0.3, 0.1], 0.7, false), ([0.1, 0.3, 0.0], 0.3, true)];
     let mut scene = balls(&nested);
     let found = volumes_cut_at(&mut scene, -1.5, true);
     let inner = 0.7f64.powi(3) - 0.3f64.powi(3);
@@ -277,9 +278,8 @@ fn vertices_on_the_cut_are_held_from_their_own_side() {
         let row = map.influences.row(v.index());
         assert!((row.iter().map(|e| f64::from(e.weight)).sum::<f64>() - 1.0).abs() < 1e-5);
         let side = farthest(&mut tissue.mesh().fan(v).map(|h| h.face()));
-        let across = |e: &&incise::particles::Influence| {
-            plane.distance(tissue.position(map.anchors[e.particle.index()])) * side < 0.0
-        };
+        let across =
+            |e: &&incise::particles::Influence| plane.distance(tissue.position(map.anchors[e.particle.index()])) * side < 0.0;
         let count = row.iter().filter(across).count();
         assert!(count == 0 || count == row.len(), "{v:?} is held from both sides");
         own += usize::from(count == 0);

@@ -159,8 +159,7 @@ impl FaceSplitter<'_> {
         let rises = from.value < 0.0;
         let ends = if rises { [wedges[l], wedges[k]] } else { [wedges[k], wedges[l]] };
         let t = if low.value > 0.0 { t } else { 1.0 - t };
-        let mut crossing =
-            Crossing { vertices, position, t, ends, wedges: [WedgeId::NONE; 2], halves: [HalfEdge::NONE; 2] };
+        let mut crossing = Crossing { vertices, position, t, ends, wedges: [WedgeId::NONE; 2], halves: [HalfEdge::NONE; 2] };
         crossing.wedges = self.dress(&crossing, ends);
         crossing
     }
@@ -265,12 +264,7 @@ impl FaceSplitter<'_> {
         let (far, far_wedge) = (corners[k], wedges[k]);
         let [kept, outer] = [i, k].map(|c| self.mesh.opposite(half(f, c)));
         let n = self.mesh.put_beside(f);
-        self.mesh.write_face(
-            n,
-            [corners[i], m.0[second], far],
-            [wedges[i], m.1[second], far_wedge],
-            [none, none, outer],
-        );
+        self.mesh.write_face(n, [corners[i], m.0[second], far], [wedges[i], m.1[second], far_wedge], [none, none, outer]);
         (corners[k], wedges[k]) = (m.0[first], m.1[first]);
         let mut across = [none; 3];
         across[i] = kept;

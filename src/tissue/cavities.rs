@@ -21,8 +21,7 @@ impl Tissue {
         cut.sort_unstable();
         let is_cut = |p: &Part| p.loose.iter().any(|f| cut.binary_search(f).is_ok());
         let measured: Vec<_> = parts.iter().map(|p| self.measure_part(p).measures).collect();
-        let is_cavity: Vec<bool> =
-            parts.iter().zip(&measured).map(|(p, m)| m.closed() && m.volume < 0.0 && !is_cut(p)).collect();
+        let is_cavity: Vec<bool> = parts.iter().zip(&measured).map(|(p, m)| m.closed() && m.volume < 0.0 && !is_cut(p)).collect();
         let around: Vec<Option<usize>> = (0..parts.len())
             .map(|c| {
                 if !is_cavity[c] {

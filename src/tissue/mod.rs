@@ -15,6 +15,7 @@ pub mod touch;
 mod walls;
 
 use crate::formats::{Material, Model};
+use crate::geometry::sections::{cluster_faces, join_strays};
 use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, StateHash, VertexId};
 use crate::particles::{
     ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
@@ -293,7 +294,8 @@ impl Tissue {
     }
 
     fn build_sections(&mut self) {
-        let (count, section) = crate::geometry::sections::cluster_faces(&self.mesh, |v| self.rest[v.index()], self.section_faces);
+        let (count, mut section) = cluster_faces(&self.mesh, |v| self.rest[v.index()], self.section_faces);
+        join_strays(&self.mesh, count, &mut section);
         self.mesh.assign_sections(count, &section);
         self.sections = SectionBounds::build(&self.mesh, &self.rows);
         self.refresh_sections();
