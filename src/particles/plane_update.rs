@@ -75,11 +75,7 @@ pub fn update_after_plane_cut(
         for side in 0..2 {
             let within_reach = scratch.fill_row(side, settings);
             map.influences.push_row(&scratch.row);
-            if within_reach {
-                strips.note_within_reach(vertices[side], at, &scratch.row);
-            } else {
-                strips.note_held(vertices[side], at, &scratch.row);
-            }
+            strips.note_held(vertices[side], at, &scratch.row, !within_reach);
             all_held &= !scratch.row.is_empty();
         }
     }
@@ -91,7 +87,7 @@ pub fn update_after_plane_cut(
         scratch.row.clear();
         scratch.row.extend_from_slice(map.influences.row(from.index()));
         map.influences.push_row(&scratch.row);
-        strips.note_held(copy, rest[copy.index()], &scratch.row);
+        strips.note_held(copy, rest[copy.index()], &scratch.row, true);
     }
     all_held
 }
