@@ -37,7 +37,8 @@ impl Tissue {
     pub(super) fn faces_across(&self, plane: &Plane, out: &mut Vec<FaceId>) -> [bool; 2] {
         out.clear();
         let widen = self.widening();
-        let size = plane.normal().abs();
+        let normal = plane.normal();
+        let (size, level) = (normal.abs(), plane.distance(DVec3::ZERO));
         let mut beyond = [false; 2];
         for (s, &(low, high)) in self.sections.current().iter().enumerate() {
             let mut faces = self.mesh.section_faces(SectionId::new(s)).peekable();
@@ -45,7 +46,7 @@ impl Tissue {
                 continue;
             }
             let (low, high) = (low - widen.1, high + widen.0);
-            let (middle, reach) = (plane.distance((low + high) / 2.0), size.dot((high - low) / 2.0));
+            let (middle, reach) = (normal.dot((low + high) / 2.0) + level, size.dot((high - low) / 2.0));
             match middle {
                 m if m > reach => beyond[0] = true,
                 m if m < -reach => beyond[1] = true,
@@ -67,7 +68,7 @@ impl Tissue {
     }
 
     /// How far particles and fades may carry a vertex along each axis: (towards high, towards low), metres (MATHS 5.8).
-    fn widening(&self) -> (DVec3, DVec3) {
+    pub(super) fn widening(&self) -> (DVec3, DVec3) {
         let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
         let (mut high, mut low) = (margin, margin);
         if let Some(layer) = &self.layer {
