@@ -4,7 +4,7 @@
 mod sections;
 mod state;
 
-pub use state::{Notice, PanelAction, PanelState, TimingRow};
+pub use state::{Notice, PanelAction, PanelState, Progress, TimingRow};
 
 use std::time::Duration;
 
@@ -41,6 +41,12 @@ impl Panel {
         let panel = Self::default();
         panel.context.set_theme(egui::Theme::Dark);
         panel.context.options_mut(|o| o.zoom_with_keyboard = false);
+        panel.context.all_styles_mut(|style| {
+            style.text_styles.insert(egui::TextStyle::Small, egui::FontId::proportional(11.0));
+            style.visuals.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(190);
+            // a cursor that blinks is a window that never rests
+            style.visuals.text_cursor.blink = false;
+        });
         panel
     }
 

@@ -8,13 +8,15 @@ use egui::{CollapsingHeader, Color32, ComboBox, RichText, ScrollArea, Slider, Ui
 
 type Actions = Vec<PanelAction>;
 
-const LAYERS: [(Layer, &str, &str); 6] = [
+const LAYERS: [(Layer, &str, &str); 8] = [
     (Layer::Particles, "Particles", "Particles and the springs between them"),
     (Layer::Wireframe, "Wireframe", "Edges of the surface"),
     (Layer::Sections, "Sections", "Clusters of faces that an edit may skip"),
     (Layer::Boxes, "Boxes", "The boxes of the last tear"),
     (Layer::Influences, "Influences", "Which particles move which vertices"),
     (Layer::Strips, "Strips", "What blades swept, at rest: nothing pulls across"),
+    (Layer::Edges, "Edges", "Rims of wounds and cuts"),
+    (Layer::Errors, "Errors", "Distance of the GPU's positions from the f64 reference; reads back, so it is slow"),
 ];
 
 /// Keys and mouse, as the help shows them.
@@ -51,6 +53,10 @@ pub fn all(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if ui.button("Help").on_hover_text("Mouse and keys (F1)").clicked() {
                 state.help = !state.help;
+            }
+            let hint = "Write the settings to config.toml (Ctrl+S); its comments stay";
+            if ui.button("Save settings").on_hover_text(hint).clicked() {
+                actions.push(PanelAction::SaveConfig);
             }
         });
     });
@@ -105,11 +111,9 @@ fn model(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
             actions.push(PanelAction::Export);
         }
     });
-    if let Some(what) = &state.loading {
-        ui.horizontal(|ui| {
-            ui.spinner();
-            ui.small(what);
-        });
+    if let Some(progress) = &state.loading {
+        ui.add(egui::ProgressBar::new(progress.part).desired_height(8.0));
+        ui.small(&progress.text);
     }
 }
 
@@ -240,25 +244,31 @@ fn animation(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
 fn particles(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     let diagonal = state.diagonal;
     let mut spacing = state.spacing.unwrap_or(state.spacing_used);
-    let hint = "Least distance of particles; applies when let go";
+    let hint = "Least distance of particles; they are sampled anew when the slider is let go";
     if millimetres(ui, &mut spacing, 0.01 * diagonal, 0.3 * diagonal, "spacing", hint) {
         state.spacing = Some(spacing);
+        state.stale = true;
     }
     let settings = &mut state.config.particles;
-    ui.add(Slider::new(&mut settings.radius, 1.05..=4.0).suffix(" spacings").text("radius"))
-        .on_hover_text("Reach of a particle's influence; 1.5 spacings or more is smooth");
-    ui.add(Slider::new(&mut settings.neighbours, 0.0..=6.0).suffix(" spacings").text("springs"))
-        .on_hover_text("Particles nearer than this are joined by a spring");
-    ui.horizontal(|ui| {
-        let ready = state.loading.is_none();
-        let hint = "Sample the particles anew with these values; edits are lost";
-        if ui.add_enabled(ready, egui::Button::new("Regenerate")).on_hover_text(hint).clicked() {
+    let radius = Slider::new(&mut settings.radius, 1.05..=4.0).suffix(" spacings").text("radius").max_decimals(2);
+    let hint = "Reach of a particle's influence; 1.5 spacings or more is smooth";
+    state.stale |= ui.add(radius).on_hover_text(hint).changed();
+    let springs = Slider::new(&mut settings.neighbours, 0.0..=6.0).suffix(" spacings").text("springs").max_decimals(2);
+    let hint = "Particles nearer than this are joined by a spring";
+    state.stale |= ui.add(springs).on_hover_text(hint).changed();
+    if !state.stale {
+        return;
+    }
+    if state.undo_depth > 0 {
+        let hint = "Sample the particles with these values on the model as it was loaded";
+        if ui.button("Regenerate, without the edits").on_hover_text(hint).clicked() {
+            state.stale = false;
             actions.push(PanelAction::Regenerate);
         }
-        if ui.button("Save settings").on_hover_text("Write all settings to config.toml").clicked() {
-            actions.push(PanelAction::SaveConfig);
-        }
-    });
+    } else if !ui.input(|i| i.pointer.any_down()) && !ui.ctx().text_edit_focused() {
+        state.stale = false;
+        actions.push(PanelAction::Regenerate);
+    }
 }
 
 fn layers(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
@@ -357,20 +367,29 @@ pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
             state.notice = None;
         }
     }
+    if let Some(file) = &state.hovered {
+        let text = format!("Let go to open {file}");
+        let paint = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("hovered")));
+        paint.rect_filled(free, 0.0, Color32::from_black_alpha(150));
+        paint.text(free.center(), egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(20.0), Color32::WHITE);
+    }
     if state.help {
         let mut open = true;
         egui::Window::new("Mouse and keys")
             .open(&mut open)
             .collapsible(false)
             .resizable(false)
-            .default_pos(free.center() - egui::vec2(230.0, 240.0))
+            .pivot(egui::Align2::CENTER_CENTER)
+            .fixed_pos(free.center())
             .show(ui.ctx(), |ui| {
-                egui::Grid::new("help").num_columns(2).spacing([24.0, 4.0]).striped(true).show(ui, |ui| {
-                    for (keys, what) in HELP {
-                        ui.label(RichText::new(keys).strong());
-                        ui.label(what);
-                        ui.end_row();
-                    }
+                ScrollArea::vertical().max_height((free.height() - 70.0).max(80.0)).show(ui, |ui| {
+                    egui::Grid::new("help").num_columns(2).spacing([20.0, 3.0]).striped(true).show(ui, |ui| {
+                        for (keys, what) in HELP {
+                            ui.label(RichText::new(keys).strong());
+                            ui.label(what);
+                            ui.end_row();
+                        }
+                    });
                 });
             });
         state.help &= open;
