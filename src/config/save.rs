@@ -21,7 +21,8 @@ impl Config {
         toml::from_str::<Self>(text).map_err(unreadable)?;
         let mut document: DocumentMut =
             text.parse().map_err(|e: toml_edit::TomlError| unreadable(serde::de::Error::custom(e.to_string())))?;
-        let table = |config: &Self| toml::Table::try_from(config).map_err(|e| unreadable(serde::de::Error::custom(e.to_string())));
+        let table =
+            |config: &Self| toml::Table::try_from(config).map_err(|e| unreadable(serde::de::Error::custom(e.to_string())));
         merge(document.as_table_mut(), &table(self)?, &table(&Self::default())?);
         Ok(document.to_string())
     }

@@ -436,7 +436,8 @@ impl Session {
         }
         let written = read_if_there(&file).and_then(|text| {
             let text = self.panel.config.rewrite(text.as_deref(), &file.display().to_string()).map_err(|e| e.to_string())?;
-            std::fs::write(&file, text).map_err(|e| format!("cannot write {}: {e}; start Incise where you may write", file.display()))
+            std::fs::write(&file, text)
+                .map_err(|e| format!("cannot write {}: {e}; start Incise where you may write", file.display()))
         });
         match written {
             Ok(()) => self.panel.tell(format!("Written: {}", file.display())),
@@ -453,3 +454,7 @@ fn read_if_there(file: &Path) -> Result<Option<String>, String> {
         Err(why) => Err(format!("cannot read {}: {why}", file.display())),
     }
 }
+
+#[cfg(test)]
+#[path = "session_tests.rs"]
+mod tests;

@@ -1,7 +1,7 @@
 //! The window and its event loop.
 
-use super::keys::{self, KeyCommand};
 use super::in_hand;
+use super::keys::{self, KeyCommand};
 use super::screen::{Acquired, Screen, Shot, WindowTarget};
 use super::session::{Session, Wake as WakeCall, Wish};
 use super::{DesktopError, DesktopRun, Loaded, Setup};
@@ -88,6 +88,8 @@ struct Live {
     wants_shot: bool,
     /// A redraw has been asked for and has not come yet.
     asked: bool,
+    /// A press on the panel that it has not answered yet: what is typed after it may be meant for it.
+    pressed_panel: bool,
     /// The window has said that it rests.
     rests: bool,
     frames: u64,
@@ -175,6 +177,7 @@ impl Live {
             shots: 0,
             wants_shot: false,
             asked: true,
+            pressed_panel: false,
             rests: false,
             frames: 0,
             closing: false,
@@ -249,7 +252,8 @@ impl Live {
             return self.draw(); // egui would answer each with a wish for another
         }
         // keys are the panel's only while it is being typed into: else a button in focus would take them
-        let for_panel = !matches!(event, WindowEvent::KeyboardInput { .. }) || self.panel.is_typing();
+        let typing = self.panel.is_typing() || self.pressed_panel;
+        let for_panel = !matches!(event, WindowEvent::KeyboardInput { .. }) || typing;
         if for_panel && self.events.on_window_event(&self.window, &event).repaint {
             self.redraw();
         }
@@ -285,6 +289,8 @@ impl Live {
                     self.session.with_tools(|tools, _, _, out| tools.release(button, out));
                 } else if self.on_canvas() {
                     self.session.with_tools(|tools, t, scene, out| tools.press(button, keys, t, scene, out));
+                } else {
+                    self.pressed_panel = true;
                 }
             }
             WindowEvent::MouseWheel { delta, .. } if self.on_canvas() || self.session.tools.is_busy() => {
@@ -298,7 +304,7 @@ impl Live {
             WindowEvent::PinchGesture { delta, .. } if self.on_canvas() => {
                 self.session.with_tools(|tools, _, scene, _| tools.zoom(1.0 / (1.0 + delta).max(0.1), scene));
             }
-            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if !self.panel.is_typing() => self.key(&event),
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if !typing => self.key(&event),
             WindowEvent::HoveredFile(file) => {
                 self.session.panel.hovered = Some(file.file_name().unwrap_or_default().display().to_string());
                 self.session.touch();
@@ -387,6 +393,7 @@ impl Live {
             Acquired::Hidden => return Ok(()),
         };
         self.session.take_loaded(self.size());
+        self.pressed_panel = false;
         let raw = self.events.take_egui_input(&self.window);
         let ui = self.panel.run(raw, &mut self.session.panel);
         self.events.handle_platform_output(&self.window, ui.platform);
@@ -426,6 +433,9 @@ impl Live {
         match self.session.app.frame(&input, &mut target) {
             Ok(report) => {
                 let shot = target.shot.take();
+                if self.frames == 1 {
+                    tracing::info!("first frame after {:.2} s", self.session.gesture_time_s());
+                }
                 self.session.frame_done(report, [self.canvas[0], self.canvas[1]]);
                 if let Some(shot) = shot {
                     self.write_shot(shot, recording);
