@@ -173,6 +173,25 @@ mod tests {
     }
 
     #[test]
+    fn a_panel_that_is_only_looked_at_changes_no_setting() {
+        let mut panel = Panel::new();
+        let mut state = PanelState { diagonal: 0.164_234_567, tilt: 0.123_456_7, speed: 7.0, ..PanelState::default() };
+        // between the slider's steps, and outside its range
+        (state.config.tear.gap, state.config.tear.width) = (0.030_000_01, 0.7);
+        (state.config.particles.radius, state.config.particles.neighbours) = (1.777_777_7, 50.0);
+        state.config.dynamics.soft.frequency = 99.123_456;
+        let before = state.clone();
+        for _ in 0..3 {
+            panel.context.memory_mut(|memory| memory.data.clear());
+            let mut frame = panel.run_pointer([WIDTH, 2400.0], None, None, &mut state);
+            assert!(frame.actions.is_empty(), "{:?}", frame.actions);
+            frame.textures.clear();
+        }
+        assert_eq!(state.config, before.config);
+        assert_eq!((state.tilt, state.depth, state.speed), (before.tilt, before.depth, before.speed));
+    }
+
+    #[test]
     fn a_resting_panel_asks_for_no_frame() {
         let mut panel = Panel::new();
         let mut state = PanelState::default();

@@ -147,7 +147,7 @@ fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     let [low, high] = state.depth_range;
     millimetres(ui, &mut state.depth, low, high, "depth", "How far the tip goes under the surface; the wheel while tearing");
     let mut degrees = state.tilt.to_degrees();
-    let lean = Slider::new(&mut degrees, -68.0..=68.0).suffix(" deg").fixed_decimals(0).text("lean");
+    let lean = slider(&mut degrees, -68.0..=68.0).suffix(" deg").fixed_decimals(0).text("lean");
     if ui.add(lean).on_hover_text("Lean of the blade to the right; Shift and the wheel while tearing").changed() {
         state.tilt = degrees.to_radians();
     }
@@ -155,7 +155,9 @@ fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     let mut width = state.config.tear.width * diagonal;
     let hint = "Width of the slit that is taken out; 0 is a slit that takes nothing out";
     let mut changed = millimetres(ui, &mut width, 0.0, 0.1 * diagonal, "width", hint);
-    state.config.tear.width = width / diagonal;
+    if changed {
+        state.config.tear.width = width / diagonal;
+    }
     ui.horizontal(|ui| {
         ui.label("wall");
         for (wall, name) in [(WallMode::Open, "open"), (WallMode::Closed, "closed")] {
@@ -167,9 +169,11 @@ fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         ui.colored_label(WARNING, "A slit of width 0 has no walls.");
     }
     let mut gap = state.config.tear.gap * diagonal;
-    changed |= millimetres(ui, &mut gap, 0.0, 0.1 * diagonal, "opening", "How far the lips of a wound are drawn apart");
-    state.config.tear.gap = gap / diagonal;
-    let time = Slider::new(&mut state.config.tear.opening_time, 0.0..=3.0).suffix(" s").text("opens in");
+    if millimetres(ui, &mut gap, 0.0, 0.1 * diagonal, "opening", "How far the lips of a wound are drawn apart") {
+        state.config.tear.gap = gap / diagonal;
+        changed = true;
+    }
+    let time = slider(&mut state.config.tear.opening_time, 0.0..=3.0).suffix(" s").text("opens in");
     changed |= ui.add(time).on_hover_text("Seconds until a wound stands open").changed();
     millimetres(ui, &mut state.grab_radius, 0.01 * diagonal, 0.4 * diagonal, "grab", "Radius of a grab (Ctrl and drag)");
     if changed {
@@ -198,14 +202,14 @@ fn material(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         PresetName::Sponge => &mut dynamics.sponge,
     };
     let mut changed = false;
-    let mut slider = |slider: Slider<'_>, hint: &str| changed |= ui.add(slider).on_hover_text(hint).changed();
-    slider(
-        Slider::new(&mut values.frequency, 0.2..=20.0).logarithmic(true).suffix(" Hz").text("frequency"),
+    let mut add = |slider: Slider<'_>, hint: &str| changed |= ui.add(slider).on_hover_text(hint).changed();
+    add(
+        slider(&mut values.frequency, 0.2..=20.0).logarithmic(true).suffix(" Hz").text("frequency"),
         "Of a lone particle on its anchor",
     );
-    slider(Slider::new(&mut values.damping, 0.0..=3.0).text("damping"), "Ratio: 0 rings for ever, 1 is critical");
-    slider(
-        Slider::new(&mut values.coupling, 0.0..=8.0).text("coupling"),
+    add(slider(&mut values.damping, 0.0..=3.0).text("damping"), "Ratio: 0 rings for ever, 1 is critical");
+    add(
+        slider(&mut values.coupling, 0.0..=8.0).text("coupling"),
         "Stiffness of a spring to a neighbour, in anchor stiffnesses: how far a push spreads",
     );
     if changed {
@@ -226,7 +230,7 @@ fn animation(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
             }
         }
     });
-    let speed = Slider::new(&mut state.speed, 0.0..=4.0).suffix(" x").text("speed");
+    let speed = slider(&mut state.speed, 0.0..=4.0).suffix(" x").text("speed");
     if ui.add(speed).on_hover_text("Speed of the animation; 1 is the model's own").changed() {
         actions.push(PanelAction::Speed(state.speed));
     }
@@ -250,10 +254,10 @@ fn particles(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         state.stale = true;
     }
     let settings = &mut state.config.particles;
-    let radius = Slider::new(&mut settings.radius, 1.05..=4.0).suffix(" spacings").text("radius").max_decimals(2);
+    let radius = slider(&mut settings.radius, 1.05..=4.0).suffix(" spacings").text("radius").max_decimals(2);
     let hint = "Reach of a particle's influence; 1.5 spacings or more is smooth";
     state.stale |= ui.add(radius).on_hover_text(hint).changed();
-    let springs = Slider::new(&mut settings.neighbours, 0.0..=6.0).suffix(" spacings").text("springs").max_decimals(2);
+    let springs = slider(&mut settings.neighbours, 0.0..=6.0).suffix(" spacings").text("springs").max_decimals(2);
     let hint = "Particles nearer than this are joined by a spring";
     state.stale |= ui.add(springs).on_hover_text(hint).changed();
     if !state.stale {
@@ -332,10 +336,15 @@ fn plot(ui: &mut Ui, state: &PanelState) {
 
 const WARNING: Color32 = Color32::from_rgb(225, 150, 70);
 
+/// A slider that leaves a value alone until it is moved: others round and clamp what they only show.
+fn slider<'a>(value: &'a mut f64, range: std::ops::RangeInclusive<f64>) -> Slider<'a> {
+    Slider::new(value, range).clamping(egui::SliderClamping::Edits)
+}
+
 /// A slider in millimetres over metres. Returns whether the value was changed.
 fn millimetres(ui: &mut Ui, metres: &mut f64, low: f64, high: f64, text: &str, hint: &str) -> bool {
     let mut value = *metres * 1e3;
-    let slider = Slider::new(&mut value, low * 1e3..=high * 1e3).suffix(" mm").text(text).max_decimals(2).smart_aim(false);
+    let slider = slider(&mut value, low * 1e3..=high * 1e3).suffix(" mm").text(text).max_decimals(2).smart_aim(false);
     let changed = ui.add(slider).on_hover_text(hint).changed();
     if changed {
         *metres = value / 1e3;

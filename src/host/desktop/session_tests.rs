@@ -11,13 +11,8 @@ const SIZE: [f64; 2] = [800.0, 600.0];
 
 fn scene(name: &str) -> Result<Scene, String> {
     let model = crate::formats::load(name).map_err(|e| e.to_string())?;
-    let settings = TissueSettings {
-        particles: None,
-        network: NetworkSettings::SOFT,
-        opening_s: 0.5,
-        section_faces: 128,
-        fade_s: 0.25,
-    };
+    let settings =
+        TissueSettings { particles: None, network: NetworkSettings::SOFT, opening_s: 0.5, section_faces: 128, fade_s: 0.25 };
     let tissue = Tissue::new(model, &settings).map_err(|e| e.to_string())?;
     let tools = SceneSettings { sampling: Config::default().sampling, sample_distance: None, sample_time: None };
     Ok(Scene::new(tissue, tools))
