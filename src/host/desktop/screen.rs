@@ -145,11 +145,11 @@ impl Screen {
             wgpu::CurrentSurfaceTexture::Success(frame) | wgpu::CurrentSurfaceTexture::Suboptimal(frame) => {
                 Acquired::Frame(frame)
             }
-            wgpu::CurrentSurfaceTexture::Outdated | wgpu::CurrentSurfaceTexture::Lost => {
+            // one that never hands a picture back is set up again, too
+            wgpu::CurrentSurfaceTexture::Outdated | wgpu::CurrentSurfaceTexture::Lost | wgpu::CurrentSurfaceTexture::Timeout => {
                 self.configure();
                 Acquired::Again
             }
-            wgpu::CurrentSurfaceTexture::Timeout => Acquired::Again,
             wgpu::CurrentSurfaceTexture::Occluded | wgpu::CurrentSurfaceTexture::Validation => Acquired::Hidden,
         }
     }

@@ -82,6 +82,8 @@ struct Live {
     canvas: [f64; 4],
     focused: bool,
     hidden: bool,
+    /// The surface gave nothing to draw into.
+    unseen: bool,
     wake_at: Option<Instant>,
     last_frame: Instant,
     shots: u32,
@@ -172,6 +174,7 @@ impl Live {
             canvas,
             focused: true,
             hidden: false,
+            unseen: false,
             wake_at: None,
             last_frame: Instant::now(),
             shots: 0,
@@ -210,7 +213,7 @@ impl Live {
         }
         let mut next = self.wake_at;
         if self.session.wants_frame() {
-            let due = if self.focused { now } else { self.last_frame + BACKGROUND };
+            let due = if self.focused && !self.unseen { now } else { self.last_frame + BACKGROUND };
             if due <= now {
                 self.redraw();
             } else {
@@ -258,6 +261,10 @@ impl Live {
             self.redraw();
         }
         let keys = self.modifiers();
+        // who is clicked or typed at is seen, whatever the window system said last
+        let used =
+            matches!(event, WindowEvent::MouseInput { .. } | WindowEvent::KeyboardInput { .. } | WindowEvent::Focused(true));
+        self.hidden &= !used;
         match event {
             WindowEvent::CloseRequested => self.closing = true,
             WindowEvent::Resized(size) => {
@@ -266,6 +273,7 @@ impl Live {
                 self.session.touch();
             }
             WindowEvent::Occluded(hidden) => {
+                tracing::debug!("{}", if hidden { "hidden" } else { "shown" });
                 self.hidden = hidden;
                 self.session.touch();
             }
@@ -390,8 +398,13 @@ impl Live {
                 self.redraw();
                 return Ok(());
             }
-            Acquired::Hidden => return Ok(()),
+            Acquired::Hidden => {
+                // nothing says when it can be drawn into again: asked now and then
+                (self.unseen, self.last_frame) = (true, Instant::now());
+                return Ok(());
+            }
         };
+        self.unseen = false;
         self.session.take_loaded(self.size());
         self.pressed_panel = false;
         let raw = self.events.take_egui_input(&self.window);
