@@ -87,8 +87,10 @@ fn updating(c: &mut Criterion) {
     let faces: Vec<_> = mesh.live_faces().collect();
     let mut copies = Vec::new();
     mesh.split_fans(&line, &faces, &mut TopologyScratch::default(), &mut copies);
-    let new: Vec<NewVertex> =
-        copies.iter().map(|s| NewVertex { vertex: s.vertex, parents: [s.from, VertexId::NONE, VertexId::NONE] }).collect();
+    let new: Vec<NewVertex> = copies
+        .iter()
+        .map(|s| NewVertex { vertex: s.vertex, parents: [s.from, VertexId::NONE, VertexId::NONE], is_apart: false })
+        .collect();
     rest.extend(copies.iter().map(|s| rest[s.from.index()]).collect::<Vec<_>>());
     let mut strips = Strips::default();
     let ys: Vec<f64> = line.iter().map(|v| rest[v.index()].y).collect();

@@ -64,13 +64,18 @@ fn build(case: &Case) -> Tissue {
     let model = load(&file.path().to_string_lossy()).expect("a sound model");
     let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
     let settings = TissueSettings {
-        particles: Some(ParticleSettings::for_count(&model.mesh, &rest, 224)),
+        particles: Some(ParticleSettings::for_count(&model.mesh, &rest, particles(case))),
         network: NetworkSettings::SOFT,
         opening_s: 0.5,
         section_faces: 128,
         fade_s: 0.25,
     };
     Tissue::new(model, &settings).expect("sound settings")
+}
+
+/// Particles aimed at: of a scaled path the soft layer is scaled too, so that as many vertices lie within a particle's reach.
+fn particles(case: &Case) -> usize {
+    if case.scaled { (224.0 * case.faces as f64 / SCALE_FACES) as usize } else { 224 }
 }
 
 /// Lengths of a case: the sample distance and the scale of width and depth, as fractions of the diagonal.

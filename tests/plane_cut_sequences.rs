@@ -5,7 +5,7 @@ mod common;
 use common::models::{model, scene, settings};
 use glam::DVec3;
 use incise::diagnostics::Stages;
-use incise::geometry::{FaceId, Plane, VertexId};
+use incise::geometry::{FaceId, Plane};
 use incise::scene::{EditCommand, Outcome, TissueId};
 use incise::tissue::Tissue;
 use incise::tissue::edit::CutScratch;
@@ -30,15 +30,7 @@ fn cut(tissue: &mut Tissue, plane: &Plane, scratch: &mut CutScratch) -> Vec<Tiss
     }
     assert_eq!((caps.unclosed_edges, caps.triangulation.repeated_edges), (0, 0));
     let parts = tissue.component_faces();
-    let gone: Vec<VertexId> = parts[1..].iter().flatten().flat_map(|&f| tissue.mesh().face(f)).collect();
-    let pieces: Vec<Tissue> = parts[1..].iter().map(|faces| tissue.extract_piece(faces)).collect();
-    let mut gone = gone;
-    gone.sort_unstable();
-    gone.dedup();
-    if !gone.is_empty() {
-        tissue.forget_vertices(&gone);
-    }
-    pieces
+    tissue.sever(&parts[1..])
 }
 
 fn volume(tissue: &Tissue) -> f64 {

@@ -98,6 +98,47 @@ impl<T: Copy + Pod> SlotCsr<T> {
         Self { spans: spans.into(), entries: entries.into() }
     }
 
+    /// From rows that are iterators.
+    pub fn from_iters<R: IntoIterator<Item = T>>(rows: impl Iterator<Item = R>) -> Self {
+        let mut spans = Vec::with_capacity(rows.size_hint().0);
+        let mut entries = Vec::new();
+        for row in rows {
+            let start = entries.len();
+            entries.extend(row);
+            spans.push(Span { start: start as u32, len: (entries.len() - start) as u32 });
+        }
+        Self { spans: spans.into(), entries: entries.into() }
+    }
+
+    /// Copies of some rows in order (`None`: an empty one), each entry as `copied` makes it. Rows that follow one another in
+    /// the arena are copied as one.
+    pub fn gather(&self, rows: impl Iterator<Item = Option<usize>> + Clone, copied: impl Fn(&T) -> T) -> Self {
+        let mut end = 0;
+        let span = |row: Option<usize>| {
+            let start = end;
+            let len = row.map_or(0, |r| self.spans[r].len);
+            end += len;
+            Span { start, len }
+        };
+        let spans: Vec<Span> = rows.clone().map(span).collect();
+        let mut entries = Vec::with_capacity(end as usize);
+        if end > 0 {
+            let mut run = 0..0;
+            for row in rows.flatten() {
+                let Span { start, len } = self.spans[row];
+                let (start, len) = (start as usize, len as usize);
+                if start == run.end {
+                    run.end += len;
+                } else if len > 0 {
+                    entries.extend(self.entries[run].iter().map(&copied));
+                    run = start..start + len;
+                }
+            }
+            entries.extend(self.entries[run].iter().map(&copied));
+        }
+        Self { spans: spans.into(), entries: entries.into() }
+    }
+
     /// Number of rows.
     pub fn rows(&self) -> usize {
         self.spans.len()
@@ -159,6 +200,11 @@ impl<T: Copy + Pod> SlotCsr<T> {
         }
     }
 
+    /// Empties rows, each listed once. Their entries stay in the arena as a hole.
+    pub fn clear_rows(&mut self, rows: impl Iterator<Item = usize>) {
+        self.spans.update(rows, |span| Span { len: 0, ..span });
+    }
+
     /// Everything changed since the last call.
     pub fn take_delta(&mut self) -> SlotCsrDelta<T> {
         SlotCsrDelta { spans: self.spans.take_delta(), entries: self.entries.take_delta() }
@@ -192,5 +238,21 @@ mod tests {
         let delta = csr.take_delta();
         csr.apply_delta(delta);
         assert_eq!((csr.rows(), csr.row(1), csr.row(2)), (3, &[][..], &[7, 8][..]));
+    }
+
+    #[test]
+    fn rows_are_gathered_and_cleared() {
+        let mut csr = SlotCsr::from_iters([vec![1u32], vec![], vec![2, 3], vec![4], vec![5, 6]].into_iter());
+        csr.set_row(1, &[7, 8]);
+        let picked = csr.gather([Some(0), None, Some(2), Some(3), Some(1), Some(4)].into_iter(), |x| x + 10);
+        let rows: Vec<&[u32]> = (0..6).map(|r| picked.row(r)).collect();
+        assert_eq!(rows, [&[11][..], &[], &[12, 13], &[14], &[17, 18], &[15, 16]]);
+        assert_eq!(picked.arena(), [11, 12, 13, 14, 17, 18, 15, 16]);
+        csr.take_delta();
+        csr.clear_rows([1, 2].into_iter());
+        assert_eq!((csr.row(1), csr.row(2), csr.row(3), csr.len()), (&[][..], &[][..], &[4][..], 4));
+        let delta = csr.take_delta();
+        csr.apply_delta(delta);
+        assert_eq!((csr.row(1), csr.row(2)), (&[7, 8][..], &[2, 3][..]));
     }
 }

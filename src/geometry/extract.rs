@@ -1,112 +1,286 @@
-//! Taking faces out of a mesh into a mesh of their own, connectivity and all (MATHS 6: pieces).
+//! Taking whole components out of a mesh into a mesh of their own, connectivity and all (MATHS 6: pieces).
+//!
+//! Both sides are linear in the faces that go: tables tell where each vertex, wedge and face went, and nothing is sorted.
 
 use super::ids::{FaceId, HalfEdge, SectionId, VertexId, WedgeId};
 use super::mesh::{FaceInfo, Mesh, Wedge};
 use super::topology::TopologyScratch;
 use super::tracked::Tracked;
+use std::collections::BTreeMap;
 
-/// What went where when a mesh was taken apart.
+/// What went where when a mesh was taken apart. Kept between pieces, so that its tables are allocated once.
 #[derive(Clone, Debug, Default)]
 pub struct Extraction {
     /// Old vertex of each new one, ascending.
     pub vertex_from: Vec<VertexId>,
     /// New vertex of each old one; [`VertexId::NONE`] where it stays behind.
     pub vertex_to: Vec<VertexId>,
+    /// Old section of each new one.
+    pub section_from: Vec<SectionId>,
+    wedge_from: Vec<WedgeId>,
+    wedge_to: Vec<WedgeId>,
+    face_to: Vec<FaceId>,
+    section_to: Vec<SectionId>,
 }
 
-impl Mesh {
-    /// A copy of `faces` (live, ascending, each once) as a mesh of its own, in one section. Vertices come along in order;
-    /// `also` (ascending) names vertices that must come although none of the faces uses them, such as row parents. Edges
-    /// to faces outside become open; edges that are open stay open.
-    pub fn extract(&self, faces: &[FaceId], also: &[VertexId]) -> (Mesh, Extraction) {
-        let mut used = vec![false; self.vertex_slots()];
-        for v in faces.iter().flat_map(|&f| self.face(f)).chain(also.iter().copied()) {
-            used[v.index()] = true;
-        }
-        let vertex_from: Vec<VertexId> = (0..used.len()).filter(|&v| used[v]).map(VertexId::new).collect();
-        let mut vertex_to = vec![VertexId::NONE; used.len()];
-        for (new, old) in vertex_from.iter().enumerate() {
-            vertex_to[old.index()] = VertexId::new(new);
-        }
-        let mut wedge_to = vec![WedgeId::NONE; self.wedges.len()];
-        let mut wedges: Vec<Wedge> = Vec::new();
-        let mut face_to = vec![FaceId::NONE; self.face_slots()];
+impl Extraction {
+    /// Marks what `faces` and the rows of their vertices use, and numbers the faces.
+    fn mark<P>(&mut self, mesh: &Mesh, faces: &[FaceId], parents: impl Fn(VertexId) -> P)
+    where
+        P: IntoIterator<Item = VertexId>,
+    {
+        refill(&mut self.vertex_to, mesh.vertex_slots(), VertexId::NONE);
+        refill(&mut self.wedge_to, mesh.wedges.len(), WedgeId::NONE);
+        refill(&mut self.face_to, mesh.face_slots(), FaceId::NONE);
+        refill(&mut self.section_to, mesh.sections(), SectionId::NONE);
+        // slices of everything: the loops are all there is, and they are not to look lengths up
+        let (vertex_to, wedge_to, face_to) = (&mut self.vertex_to[..], &mut self.wedge_to[..], &mut self.face_to[..]);
+        let (corners, wedges) = (&mesh.faces[..], &mesh.face_wedges[..]);
         for (new, &f) in faces.iter().enumerate() {
-            face_to[f.index()] = FaceId::new(new);
-            for w in self.face_wedges(f) {
-                if wedge_to[w.index()].is_none() {
-                    wedge_to[w.index()] = WedgeId::new(wedges.len());
-                    wedges.push(self.wedge(w));
+            face_to[f.index()] = FaceId(new as u32);
+            for v in corners[f.index()] {
+                vertex_to[v.index()] = VertexId(0);
+            }
+            for w in wedges[f.index()] {
+                wedge_to[w.index()] = WedgeId(0);
+            }
+        }
+        for v in 0..vertex_to.len() {
+            if vertex_to[v].is_some() {
+                for parent in parents(VertexId(v as u32)) {
+                    vertex_to[parent.index()] = VertexId(0);
                 }
             }
         }
-        regroup(&mut wedges, &vertex_to);
-        let opposite = |f: FaceId, k: usize| {
-            let back = self.opposite(HalfEdge::of(f, k));
-            if back.is_none() || face_to[back.face().index()].is_none() {
-                return HalfEdge::NONE;
+    }
+
+    /// Wedges in their order, on their new vertices; of a smoothing group whose leader stays behind, the first one leads.
+    fn take_wedges(&mut self, mesh: &Mesh) -> Vec<Wedge> {
+        let mut orphaned: BTreeMap<WedgeId, WedgeId> = BTreeMap::new();
+        let (wedges, vertex_to, wedge_to) = (&mesh.wedges[..], &self.vertex_to[..], &self.wedge_to[..]);
+        let taken = |old: &WedgeId| {
+            let wedge = &wedges[old.index()];
+            let mut group = wedge_to[wedge.group.index()];
+            if group.is_none() {
+                group = *orphaned.entry(wedge.group).or_insert(wedge_to[old.index()]);
             }
-            HalfEdge::of(face_to[back.face().index()], back.corner())
+            Wedge { vertex: vertex_to[wedge.vertex.index()], group, ..*wedge }
         };
-        let mut vertex_half_edge = vec![HalfEdge::NONE; vertex_from.len()];
-        for (new, &f) in faces.iter().enumerate().rev() {
-            for (k, v) in self.face(f).into_iter().enumerate() {
-                vertex_half_edge[vertex_to[v.index()].index()] = HalfEdge::of(FaceId::new(new), k);
+        self.wedge_from.iter().map(taken).collect()
+    }
+}
+
+/// Numbers the marked entries of a table in their order and lists them.
+macro_rules! number {
+    ($index:ident, $to:expr, $from:expr, $most:expr) => {
+        $from.clear();
+        $from.reserve($most.min($to.len()));
+        for (old, new) in $to.iter_mut().enumerate() {
+            if new.is_some() {
+                *new = $index($from.len() as u32);
+                $from.push($index(old as u32));
             }
         }
-        let corners: Vec<[VertexId; 3]> = faces.iter().map(|&f| self.face(f).map(|v| vertex_to[v.index()])).collect();
-        let face_wedges: Vec<[WedgeId; 3]> = faces.iter().map(|&f| self.face_wedges(f).map(|w| wedge_to[w.index()])).collect();
-        let infos: Vec<FaceInfo> = faces.iter().map(|&f| FaceInfo { section: SectionId(0), ..self.face_info(f) }).collect();
-        let mut mesh = Mesh {
-            opposite: faces.iter().map(|&f| std::array::from_fn(|k| opposite(f, k))).collect::<Vec<_>>().into(),
-            faces: corners.into(),
-            face_wedges: face_wedges.into(),
-            face_info: infos.into(),
-            vertex_half_edge: vertex_half_edge.into(),
+    };
+}
+
+/// `map` over three entries; the array's own is not inlined.
+#[inline(always)]
+fn three<T, U>([a, b, c]: [T; 3], map: impl Fn(T) -> U) -> [U; 3] {
+    [map(a), map(b), map(c)]
+}
+
+fn refill<T: Copy>(table: &mut Vec<T>, len: usize, value: T) {
+    table.clear();
+    table.resize(len, value);
+}
+
+impl Mesh {
+    /// A copy of `faces` (live, ascending, each once) as a mesh of its own. Vertices come along in order, with those that
+    /// `parents` names for a vertex although none of the faces may use them; so do wedges. Sections keep their faces and are
+    /// numbered anew. Edges to faces outside become open; edges that are open stay open. What went where is left in `map`.
+    pub fn extract<P>(&self, faces: &[FaceId], parents: impl Fn(VertexId) -> P, map: &mut Extraction) -> Mesh
+    where
+        P: IntoIterator<Item = VertexId>,
+    {
+        map.mark(self, faces, parents);
+        number!(VertexId, map.vertex_to, map.vertex_from, faces.len());
+        number!(WedgeId, map.wedge_to, map.wedge_from, faces.len());
+        let wedges = map.take_wedges(self);
+        let (face_info, section_head, section_links) = self.take_sections(faces, map);
+        let (vertex_to, wedge_to, face_to) = (&map.vertex_to[..], &map.wedge_to[..], &map.face_to[..]);
+        let half_edge = |old: HalfEdge| {
+            if old.is_none() {
+                return old;
+            }
+            let face = face_to[old.face().index()];
+            if face.is_some() { HalfEdge::of(face, old.corner()) } else { HalfEdge::NONE }
+        };
+        let (old_corners, old_wedges, old_opposite) = (&self.faces[..], &self.face_wedges[..], &self.opposite[..]);
+        let corners = faces.iter().map(|f| three(old_corners[f.index()], |v| vertex_to[v.index()]));
+        let face_wedges = faces.iter().map(|f| three(old_wedges[f.index()], |w| wedge_to[w.index()]));
+        let opposite = faces.iter().map(|f| three(old_opposite[f.index()], half_edge));
+        let leaving = &self.vertex_half_edge[..];
+        Mesh {
+            faces: corners.collect::<Vec<_>>().into(),
+            opposite: opposite.collect::<Vec<_>>().into(),
+            face_wedges: face_wedges.collect::<Vec<_>>().into(),
+            face_info: face_info.into(),
+            vertex_half_edge: map.vertex_from.iter().map(|v| half_edge(leaving[v.index()])).collect::<Vec<_>>().into(),
             wedges: wedges.into(),
             free_faces: Tracked::default(),
-            section_head: Tracked::default(),
-            section_links: Tracked::default(),
-        };
-        let sections = vec![SectionId(0); mesh.face_slots()];
-        mesh.assign_sections(1, &sections);
-        (mesh, Extraction { vertex_from, vertex_to })
+            section_head: section_head.into(),
+            section_links: section_links.into(),
+        }
+    }
+
+    /// Infos of `faces`, and the lists of their sections, which are numbered in the order that faces ask.
+    fn take_sections(&self, faces: &[FaceId], map: &mut Extraction) -> (Vec<FaceInfo>, Vec<FaceId>, Vec<[FaceId; 2]>) {
+        let (infos, section_to) = (&self.face_info[..], &mut map.section_to[..]);
+        map.section_from.clear();
+        let mut links = vec![[FaceId::NONE; 2]; faces.len()];
+        let (mut heads, mut tails): (Vec<FaceId>, Vec<FaceId>) = (Vec::new(), Vec::new());
+        let taken = faces.iter().enumerate().map(|(new, f)| {
+            let info = infos[f.index()];
+            let new = FaceId(new as u32);
+            let section = section_to[info.section.index()];
+            if section.is_none() {
+                let section = SectionId(heads.len() as u32);
+                section_to[info.section.index()] = section;
+                map.section_from.push(info.section);
+                heads.push(new);
+                tails.push(new);
+                return FaceInfo { section, ..info };
+            }
+            let before = std::mem::replace(&mut tails[section.index()], new);
+            links[new.index()][0] = before;
+            links[before.index()][1] = new;
+            FaceInfo { section, ..info }
+        });
+        let infos = taken.collect();
+        (infos, heads, links)
     }
 
     /// Removes `faces` (live, each once) and puts nothing in their place.
     pub fn remove_faces(&mut self, faces: &[FaceId], scratch: &mut TopologyScratch) {
         self.replace_faces(faces, &[], |_| 0, scratch);
     }
-}
 
-/// Points wedges at their new vertices and gives each smoothing group its first surviving wedge.
-fn regroup(wedges: &mut [Wedge], vertex_to: &[VertexId]) {
-    let mut first: std::collections::BTreeMap<WedgeId, WedgeId> = std::collections::BTreeMap::new();
-    for (w, wedge) in wedges.iter_mut().enumerate() {
-        wedge.vertex = vertex_to[wedge.vertex.index()];
-        wedge.group = *first.entry(wedge.group).or_insert(WedgeId::new(w));
+    /// Removes whole components: `faces` (live, each once), and `vertices`, which are theirs alone. Opposites and links of the
+    /// dead slots stay as they are: whoever takes a slot writes them anew.
+    pub fn remove_components(&mut self, faces: &[FaceId], vertices: impl Iterator<Item = VertexId>) {
+        self.faces.update(faces.iter().map(|f| f.index()), |_| [VertexId::NONE; 3]);
+        debug_assert!(faces.iter().all(|f| {
+            let across = self.opposite[f.index()].into_iter().filter(|h| h.is_some());
+            across.into_iter().all(|h| !self.is_live(h.face()))
+        }));
+        self.face_wedges.update(faces.iter().map(|f| f.index()), |wedges| [wedges[0]; 3]);
+        self.free_faces.extend(faces);
+        self.vertex_half_edge.update(vertices.map(VertexId::index), |_| HalfEdge::NONE);
+        self.unlink_dead(faces);
+    }
+
+    /// Takes faces that have just died out of their sections: what is left of a list closes over each run of them.
+    fn unlink_dead(&mut self, faces: &[FaceId]) {
+        for &f in faces {
+            let [prev, next] = self.section_links[f.index()];
+            if prev.is_some() && !self.is_live(prev) {
+                continue; // not the first of its run
+            }
+            let mut after = next;
+            while after.is_some() && !self.is_live(after) {
+                after = self.section_links[after.index()][1];
+            }
+            if prev.is_some() {
+                let [before, _] = self.section_links[prev.index()];
+                self.section_links.set(prev.index(), [before, after]);
+            } else {
+                self.section_head.set(self.face_info[f.index()].section.index(), after);
+            }
+            if after.is_some() {
+                let [_, behind] = self.section_links[after.index()];
+                self.section_links.set(after.index(), [prev, behind]);
+            }
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::NewFace;
     use crate::geometry::validate::tests::octahedron;
 
+    /// Two octahedra side by side, faces of both in each of two sections.
+    fn pair() -> Mesh {
+        let one = octahedron();
+        let faces = [one.faces(), &one.faces().iter().map(|f| f.map(|v| VertexId(v.0 + 6))).collect::<Vec<_>>()].concat();
+        let wedges = faces.iter().map(|f| f.map(|v| WedgeId(v.0))).collect();
+        let dress = |v: u32| Wedge { vertex: VertexId(v), group: WedgeId(v), ..one.wedge(WedgeId(0)) };
+        let mut mesh = Mesh::build(12, faces, wedges, &[0; 16], (0..12).map(dress).collect());
+        let sections: Vec<SectionId> = (0..16).map(|f| SectionId(f / 5 % 2)).collect();
+        mesh.assign_sections(2, &sections);
+        mesh
+    }
+
+    fn none(_: VertexId) -> [VertexId; 0] {
+        []
+    }
+
     #[test]
-    fn halves_are_sound_and_hold_all_faces() {
+    fn components_part_and_come_back() {
+        let mesh = pair();
+        let second: Vec<FaceId> = (8..16).map(FaceId).collect();
+        let mut map = Extraction::default();
+        let piece = mesh.extract(&second, |_| [VertexId(1)], &mut map);
+        assert_eq!(piece.validate(), Ok(()));
+        assert_eq!((piece.face_count(), piece.vertex_slots(), piece.live_vertices().count()), (8, 7, 6));
+        assert_eq!(map.vertex_from[..2], [VertexId(1), VertexId(6)]);
+        assert_eq!(map.section_from, [SectionId(1), SectionId(0)]);
+        let mut rest = mesh.clone();
+        rest.remove_components(&second, map.vertex_from.iter().copied().filter(|v| v.0 > 5));
+        assert_eq!(rest.validate(), Ok(()));
+        assert_eq!((rest.face_count(), rest.live_vertices().count()), (8, 6));
+        let hash = |mesh: &Mesh| {
+            let mut hash = crate::geometry::StateHash::default();
+            mesh.hash_arrays(&mut hash);
+            hash.finish()
+        };
+        let removed = hash(&rest);
+        let delta = rest.take_delta();
+        let redo = rest.apply_delta(delta);
+        assert_eq!(hash(&rest), hash(&mesh));
+        rest.apply_delta(redo);
+        assert_eq!(hash(&rest), removed);
+        // slots of the dead are taken again
+        let info = rest.face_info(FaceId(0));
+        let part =
+            |a: u32, b: u32, c: u32| NewFace { corners: [a, b, c].map(VertexId), wedges: [a, b, c].map(WedgeId), info, side: 0 };
+        let faces: Vec<FaceId> = rest.live_faces().collect();
+        let all: Vec<NewFace> = faces.iter().map(|&f| rest.face(f).map(|v| v.0)).map(|[a, b, c]| part(a, b, c)).collect();
+        rest.replace_faces(&faces, &all, |_| 0, &mut TopologyScratch::default());
+        assert_eq!(rest.validate(), Ok(()));
+    }
+
+    #[test]
+    fn a_part_of_a_component_has_open_edges_and_groups_keep_a_leader() {
         let mesh = octahedron();
         let top: Vec<FaceId> = (0..4).map(FaceId).collect();
-        let (piece, map) = mesh.extract(&top, &[]);
+        let piece = mesh.extract(&top, none, &mut Extraction::default());
         assert_eq!(piece.validate(), Ok(()));
-        assert_eq!((piece.face_count(), map.vertex_from.len()), (4, 5));
-        let mut rest = mesh.clone();
-        rest.remove_faces(&top, &mut TopologyScratch::default());
-        assert_eq!(rest.validate(), Ok(()));
-        assert_eq!(rest.face_count(), 4);
-        let delta = rest.take_delta();
-        rest.apply_delta(delta);
-        assert_eq!(rest.faces(), mesh.faces());
-        assert_eq!(rest.validate(), Ok(()));
+        assert_eq!((piece.face_count(), piece.vertex_slots()), (4, 5));
+        let mut dressed = mesh.clone();
+        let old = dressed.wedge(WedgeId(0));
+        let copies = [0; 2].map(|_| dressed.add_wedge(old)); // of the group that wedge 0 leads
+        for (f, copy) in [(FaceId(0), copies[0]), (FaceId(3), copies[1])] {
+            let k = dressed.face(f).iter().position(|v| *v == VertexId(0)).unwrap();
+            let mut wedges = dressed.face_wedges(f);
+            wedges[k] = copy;
+            dressed.face_wedges.set(f.index(), wedges);
+        }
+        let piece = dressed.extract(&top, none, &mut Extraction::default());
+        assert_eq!(piece.validate(), Ok(()));
+        let groups: Vec<WedgeId> = piece.wedges().iter().filter(|w| w.vertex == VertexId(0)).map(|w| w.group).collect();
+        assert!(groups.len() == 2 && groups[0] == groups[1] && piece.wedge(groups[0]).group == groups[0]);
     }
 }

@@ -32,6 +32,7 @@ pub struct TopologyScratch {
     removed: Vec<FaceId>,
     vertices: Vec<VertexId>,
     half_edges: Vec<HalfEdge>,
+    order: Vec<u64>,
     /// Faces added by the last [`Mesh::replace_faces`], in the order they were given.
     pub added: Vec<FaceId>,
 }
@@ -154,25 +155,27 @@ impl Mesh {
         scratch.vertices.extend_from_slice(vertices);
         scratch.vertices.sort_unstable();
         scratch.vertices.dedup();
-        scratch.half_edges.clear();
+        // by vertex, then by half-edge
+        scratch.order.clear();
         for &f in incident.iter().filter(|&&f| self.is_live(f)) {
+            let face = self.face(f);
             for k in 0..3 {
-                if scratch.vertices.binary_search(&self.face(f)[k]).is_ok() {
-                    scratch.half_edges.push(HalfEdge::of(f, k));
+                if scratch.vertices.binary_search(&face[k]).is_ok() {
+                    scratch.order.push(u64::from(face[k].0) << 32 | u64::from(HalfEdge::of(f, k).0));
                 }
             }
         }
-        let mut half_edges = std::mem::take(&mut scratch.half_edges);
-        half_edges.sort_unstable_by_key(|&h| (self.from(h), h));
-        half_edges.dedup();
-        let vertex_of: Vec<VertexId> = half_edges.iter().map(|&h| self.from(h)).collect();
+        scratch.order.sort_unstable();
+        scratch.order.dedup();
+        let order = std::mem::take(&mut scratch.order);
+        let vertex_of = |i: usize| VertexId((order[i] >> 32) as u32);
         let mut at = 0;
-        while at < half_edges.len() {
-            let v = vertex_of[at];
-            let end = at + vertex_of[at..].iter().take_while(|&&u| u == v).count();
+        while at < order.len() {
+            let v = vertex_of(at);
+            let end = (at..order.len()).find(|&i| vertex_of(i) != v).unwrap_or(order.len());
             let mut first_fan = true;
             for i in at..end {
-                let h = half_edges[i];
+                let h = HalfEdge(order[i] as u32);
                 if self.from(h) != v {
                     continue; // an earlier fan of this vertex took it
                 }
@@ -191,7 +194,7 @@ impl Mesh {
             }
             at = end;
         }
-        scratch.half_edges = half_edges;
+        scratch.order = order;
     }
 
     fn mark_fan(&self, h: HalfEdge, marked: &mut Vec<(u64, u8, HalfEdge)>) {
@@ -275,6 +278,9 @@ impl Mesh {
                 self.faces.set(f.index(), face.corners);
                 self.face_wedges.set(f.index(), face.wedges);
                 self.face_info.set(f.index(), face.info);
+                if self.opposite[f.index()] != [HalfEdge::NONE; 3] {
+                    self.opposite.set(f.index(), [HalfEdge::NONE; 3]); // the slot of a piece that has left
+                }
                 f
             }
             None => {

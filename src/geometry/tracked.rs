@@ -72,6 +72,20 @@ impl<T: Copy> Tracked<T> {
         self.data[index] = value;
     }
 
+    /// [`Tracked::set`] for many entries, each listed once: `new` makes the value from the old one.
+    pub fn update(&mut self, indices: impl Iterator<Item = usize>, new: impl Fn(T) -> T) {
+        let (least, most) = indices.size_hint();
+        self.log.reserve(most.unwrap_or(least));
+        let (data, noted) = (&mut self.data[..], self.base_len);
+        for index in indices {
+            let old = data[index];
+            data[index] = new(old);
+            if index < noted {
+                self.log.push((index as u32, old));
+            }
+        }
+    }
+
     /// Appends one entry and returns its position.
     #[inline]
     pub fn push(&mut self, value: T) -> usize {
@@ -165,9 +179,19 @@ impl<T> Delta<T> {
         ranges
     }
 
-    /// Bytes of the entries that differ, each counted once.
+    /// Bytes of the entries that differ, each counted once. One pass over the writes, without sorting them.
     pub fn dirty_bytes(&self) -> usize {
-        self.dirty_ranges(0).iter().map(|r| r.len()).sum::<usize>() * std::mem::size_of::<T>()
+        let common = |w: &&(u32, T)| (w.0 as usize) < self.restore_from;
+        let mut seen = Vec::new();
+        for &(index, _) in self.writes.iter().filter(common) {
+            let (word, bit) = (index as usize / 64, 1u64 << (index % 64));
+            if word >= seen.len() {
+                seen.resize((word + 1).max(2 * seen.len()), 0);
+            }
+            seen[word] |= bit;
+        }
+        let written: usize = seen.iter().map(|word| word.count_ones() as usize).sum();
+        (written + self.len.max(self.new_len) - self.restore_from) * std::mem::size_of::<T>()
     }
 
     /// Heap bytes that the delta holds.
@@ -230,6 +254,7 @@ mod tests {
     #[derive(Clone, Debug)]
     enum Op {
         Set(usize, u32),
+        Update(usize, u32),
         Push(u32),
         Pop,
     }
@@ -237,6 +262,7 @@ mod tests {
     fn ops() -> impl Strategy<Value = Vec<Op>> {
         let op = prop_oneof![
             (any::<usize>(), any::<u32>()).prop_map(|(i, v)| Op::Set(i, v)),
+            (any::<usize>(), any::<u32>()).prop_map(|(i, v)| Op::Update(i, v)),
             any::<u32>().prop_map(Op::Push),
             Just(Op::Pop),
         ];
@@ -247,9 +273,10 @@ mod tests {
         for op in ops {
             match *op {
                 Op::Set(i, v) if !array.is_empty() => array.set(i % array.len(), v),
+                Op::Update(i, v) if !array.is_empty() => array.update((i % array.len()..array.len()).step_by(2), |old| old ^ v),
                 Op::Push(v) => drop(array.push(v)),
                 Op::Pop => drop(array.pop()),
-                Op::Set(..) => {}
+                Op::Set(..) | Op::Update(..) => {}
             }
         }
     }
@@ -286,6 +313,8 @@ mod tests {
             run(&mut array, &edit);
             let delta = array.take_delta();
             let ranges = delta.dirty_ranges(0);
+            let entries: usize = ranges.iter().map(|r| r.len()).sum();
+            prop_assert_eq!(delta.dirty_bytes(), entries * std::mem::size_of::<u32>());
             for i in 0..array.len().max(start.len()) {
                 if array.get(i) != start.get(i) {
                     prop_assert!(ranges.iter().any(|r| r.contains(&i)));

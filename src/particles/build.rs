@@ -47,12 +47,14 @@ impl ParticleMap {
         reached_from_vertices(mesh, rest, anchors, settings.radius, &mut flood, &mut pairs);
         let (influences, report) = influence_rows(mesh, rest, anchors, settings, &pairs);
         let neighbours = neighbour_rows(mesh, rest, anchors, settings.neighbours, &mut flood);
-        let map = Self {
+        let mut map = Self {
             anchors: anchors.to_vec().into(),
             rest_displacement: vec![[0.0; 3]; anchors.len()].into(),
             influences,
             neighbours,
+            mean_link: 0.0,
         };
+        map.mean_link = map.mean_link_length(rest).unwrap_or(0.0);
         (map, report)
     }
 
@@ -62,8 +64,12 @@ impl ParticleMap {
         self.rest_displacement[particle.index()] != [0.0; 3]
     }
 
-    /// The mean link length that neighbour weights refer to: recovered from the first link there is, none without links.
+    /// The mean link length that neighbour weights refer to: as it was when the map was built; without that, recovered from
+    /// the first link there is. None without links.
     pub fn mean_link_length(&self, rest: &[DVec3]) -> Option<f64> {
+        if self.mean_link > 0.0 {
+            return Some(self.mean_link);
+        }
         let at = |p: ParticleId| rest[self.anchors[p.index()].index()];
         (0..self.len()).map(ParticleId::new).find_map(|j| {
             // Links at the least length have a clamped weight, which says nothing.

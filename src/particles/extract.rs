@@ -1,4 +1,8 @@
-//! The soft layer of a severed piece, taken from its parent's.
+//! Parting a soft layer with its tissue (MATHS 3.2, 6).
+//!
+//! A particle that holds vertices on both sides of a cut goes on in both pieces, each with its own; in the piece that its
+//! anchor has left it takes the nearest vertex that it holds there. So every vertex keeps its influences to the bit, and
+//! nothing moves at the instant of the cut. What parts influences from their particles after that is a strip in their way.
 
 use super::build::nearest_connected;
 use super::particle_map::{Influence, Link, ParticleMap};
@@ -6,91 +10,223 @@ use super::strips::Strips;
 use crate::geometry::{Mesh, ParticleId, SlotCsr, VertexId};
 use glam::DVec3;
 
-impl ParticleMap {
-    /// The part of the map that a piece keeps, and the old particle of each of its new ones ([`ParticleId::NONE`] for new
-    /// particles). `mesh`, `rest` and `strips` are the piece's; `vertices[new]` is the old vertex of each of its vertices
-    /// ([`VertexId::NONE`] where it has none).
-    ///
-    /// Particles anchored in the piece stay; weights are normalised again; a vertex left without a particle gets the
-    /// nearest connected one, or a particle of its own where there is none that no strip parts from it.
-    pub fn extract(&self, mesh: &Mesh, rest: &[DVec3], strips: &Strips, vertices: &[VertexId]) -> (Self, Vec<ParticleId>) {
-        let old_vertices = vertices.iter().filter(|v| v.is_some()).map(|v| v.index() + 1).max().unwrap_or(0);
-        let mut new_vertex = vec![VertexId::NONE; old_vertices];
-        for (new, old) in vertices.iter().enumerate().filter(|(_, old)| old.is_some()) {
-            new_vertex[old.index()] = VertexId::new(new);
-        }
-        let mut kept: Vec<ParticleId> = Vec::new();
-        let mut new_particle = vec![ParticleId::NONE; self.len()];
-        let mut anchors = Vec::new();
-        for (j, anchor) in self.anchors.iter().enumerate().filter(|(_, a)| a.is_some()) {
-            let anchor = new_vertex.get(anchor.index()).copied().unwrap_or_default();
-            if anchor.is_some() && mesh.vertex_is_live(anchor) {
-                new_particle[j] = ParticleId::new(kept.len());
-                kept.push(ParticleId::new(j));
-                anchors.push(anchor);
-            }
-        }
-        let neighbours: Vec<(u32, Link)> = kept
-            .iter()
-            .flat_map(|j| self.neighbours.row(j.index()).iter().map(move |l| (*j, *l)))
-            .map(|(j, l)| (new_particle[j.index()].0, Link { particle: new_particle[l.particle.index()], ..l }))
-            .filter(|(_, l)| l.particle.is_some())
-            .collect();
-        let mut rows: Vec<Vec<Influence>> = vertices.iter().map(|v| self.kept_influences(*v, &new_particle)).collect();
-        rows.resize(mesh.vertex_slots(), Vec::new());
-        for (v, row) in rows.iter_mut().enumerate() {
-            if !mesh.vertex_is_live(VertexId::new(v)) {
-                row.clear();
-            }
-        }
-        adopt(mesh, rest, strips, &mut rows, &mut anchors, &mut kept);
-        let displacement = |j: &ParticleId| if j.is_some() { self.rest_displacement[j.index()] } else { [0.0; 3] };
-        let map = Self {
-            rest_displacement: kept.iter().map(displacement).collect::<Vec<_>>().into(),
-            influences: SlotCsr::from_rows(rows.iter().map(Vec::as_slice)),
-            neighbours: SlotCsr::from_pairs(anchors.len(), &neighbours),
-            anchors: anchors.into(),
-        };
-        (map, kept)
-    }
+/// Influences of a vertex before they were changed.
+pub type RowBefore = (VertexId, Vec<Influence>);
 
-    fn kept_influences(&self, old: VertexId, new_particle: &[ParticleId]) -> Vec<Influence> {
-        if old.is_none() || old.index() >= self.influences.rows() {
-            return Vec::new();
-        }
-        let row = self.influences.row(old.index());
-        let kept = || row.iter().filter(|e| new_particle[e.particle.index()].is_some());
-        let sum: f32 = kept().map(|e| e.weight).sum();
-        // What every particle of keeps its weights to the bit.
-        let scale = if kept().count() == row.len() { 1.0 } else { 1.0 / sum };
-        kept().map(|e| Influence { particle: new_particle[e.particle.index()], weight: e.weight * scale }).collect()
-    }
+/// What [`ParticleMap::extract`] took along.
+#[derive(Clone, Debug, Default)]
+pub struct MapPart {
+    /// The map of the piece.
+    pub map: ParticleMap,
+    /// Old particle of each new one; [`ParticleId::NONE`] for new particles.
+    pub from: Vec<ParticleId>,
+    /// Vertices of the piece whose influences are not what they were, with those that they had.
+    pub rows_before: Vec<RowBefore>,
 }
 
-/// Gives live vertices without influence the nearest connected particle, or one of their own.
-fn adopt(
-    mesh: &Mesh,
-    rest: &[DVec3],
-    strips: &Strips,
-    rows: &mut [Vec<Influence>],
-    anchors: &mut Vec<VertexId>,
-    kept: &mut Vec<ParticleId>,
-) {
-    let orphans: Vec<VertexId> = mesh.live_vertices().filter(|v| rows[v.index()].is_empty()).collect();
-    let mut nearest = Vec::new();
-    let mut stale = true;
-    for v in orphans {
-        if std::mem::take(&mut stale) {
-            nearest = nearest_connected(mesh, rest, anchors);
+/// What [`ParticleMap::forget`] did.
+#[derive(Clone, Debug, Default)]
+pub struct Forgotten {
+    /// Particles whose springs changed, sorted. New particles are among them.
+    pub particles_changed: Vec<ParticleId>,
+    /// Vertices whose influences are not what they were, with those that they had.
+    pub rows_before: Vec<RowBefore>,
+}
+
+impl ParticleMap {
+    /// The part of the map that a piece takes along. `mesh`, `rest` and `strips` are the piece's; `from[new]` is the old
+    /// vertex of each of its vertices, `to[old]` the new one of each old vertex ([`VertexId::NONE`] where it stays behind);
+    /// `old_rest` has a position for every old vertex.
+    ///
+    /// Particles anchored in the piece and those that hold any of its vertices come along. A vertex without a particle gets
+    /// the nearest connected one, or a particle of its own where there is none that no strip parts from it.
+    pub fn extract(
+        &self,
+        (mesh, rest, strips): (&Mesh, &[DVec3], &Strips),
+        (from, to): (&[VertexId], &[VertexId]),
+        old_rest: &[DVec3],
+    ) -> MapPart {
+        let lives = |new: VertexId| new.is_some() && mesh.vertex_is_live(new);
+        let held = from.iter().enumerate().map(|(new, old)| {
+            (mesh.vertex_is_live(VertexId::new(new)) && old.index() < self.influences.rows()).then(|| old.index())
+        });
+        let new_anchor = |a: &VertexId| to.get(a.index()).copied().filter(|&new| a.is_some() && lives(new)).unwrap_or_default();
+        let mut anchors: Vec<VertexId> = self.anchors.iter().map(new_anchor).collect();
+        let strays = self.strays(old_rest, |j| anchors[j].is_none(), held.clone().flatten().map(VertexId::new));
+        for &(j, nearest) in &strays {
+            anchors[j.index()] = to[nearest.index()];
         }
-        let mut j = nearest[v.index()];
-        if j.is_none() || !strips.connects_vertices(rest, v, anchors[j.index()]) {
-            stale = j.is_none(); // its component had none: look again for the rest of it
-            j = ParticleId::new(anchors.len());
-            anchors.push(v);
-            kept.push(ParticleId::NONE);
+        let particles: Vec<ParticleId> = (0..self.len()).filter(|&j| anchors[j].is_some()).map(ParticleId::new).collect();
+        let mut new_particle = vec![ParticleId::NONE; self.len()];
+        for (new, old) in particles.iter().enumerate() {
+            new_particle[old.index()] = ParticleId::new(new);
         }
-        rows[v.index()].push(Influence { particle: j, weight: 1.0 });
+        let renamed = |e: &Influence| Influence { particle: new_particle[e.particle.index()], ..*e };
+        let links = |j: &ParticleId| {
+            let row = self.neighbours.row(j.index()).iter();
+            let link = |l: &Link| Link { particle: new_particle[l.particle.index()], ..*l };
+            row.map(link).filter(|l| l.particle.is_some())
+        };
+        let mut map = Self {
+            rest_displacement: particles.iter().map(|j| self.rest_displacement[j.index()]).collect::<Vec<_>>().into(),
+            influences: self.influences.gather(held, renamed),
+            neighbours: SlotCsr::from_iters(particles.iter().map(links)),
+            anchors: particles.iter().map(|j| anchors[j.index()]).collect::<Vec<_>>().into(),
+            mean_link: self.mean_link,
+        };
+        map.influences.grow_rows(mesh.vertex_slots());
+        let moved: Vec<ParticleId> = strays.iter().map(|s| new_particle[s.0.index()]).collect();
+        let mut part = MapPart { from: particles, ..MapPart::default() };
+        map.part_strays(mesh, rest, strips, &moved, &mut Vec::new(), &mut part.rows_before);
+        let orphans: Vec<VertexId> = mesh.live_vertices().filter(|v| map.influences.row(v.index()).is_empty()).collect();
+        let never_held = |v: &VertexId| part.rows_before.binary_search_by_key(v, |row| row.0).is_err();
+        let never_held: Vec<RowBefore> = orphans.iter().copied().filter(never_held).map(|v| (v, Vec::new())).collect();
+        part.rows_before.extend(never_held);
+        map.adopt(mesh, rest, strips, &orphans);
+        part.from.resize(map.len(), ParticleId::NONE);
+        map.take_delta();
+        part.map = map;
+        part
+    }
+
+    /// Lets go of vertices (each once) that have left `mesh` with a piece, and of the particles that hold nothing else.
+    /// `rest` has a position for every vertex slot.
+    pub fn forget(
+        &mut self,
+        mesh: &Mesh,
+        rest: &[DVec3],
+        strips: &mut Strips,
+        gone: impl Iterator<Item = VertexId>,
+    ) -> Forgotten {
+        let mut done = Forgotten::default();
+        self.influences.grow_rows(mesh.vertex_slots());
+        self.influences.clear_rows(gone.map(VertexId::index));
+        let left = |a: &VertexId| a.is_some() && !mesh.vertex_is_live(*a);
+        let leaving: Vec<bool> = self.anchors.iter().map(left).collect();
+        let strays = self.strays(rest, |j| leaving[j], mesh.live_vertices());
+        let mut retired = leaving;
+        for &(j, nearest) in &strays {
+            self.anchors.set(j.index(), nearest);
+            strips.note_moved(self, rest, j);
+            retired[j.index()] = false;
+        }
+        for j in (0..self.len()).filter(|&j| retired[j]) {
+            self.anchors.set(j, VertexId::NONE);
+            if self.rest_displacement[j] != [0.0; 3] {
+                self.rest_displacement.set(j, [0.0; 3]);
+            }
+        }
+        self.drop_links(|a, b| retired[a.index()] || retired[b.index()], &mut done.particles_changed);
+        let moved: Vec<ParticleId> = strays.iter().map(|s| s.0).collect();
+        self.part_strays(mesh, rest, strips, &moved, &mut done.particles_changed, &mut done.rows_before);
+        let before = self.len();
+        let lost_all = |v: &VertexId| self.influences.row(v.index()).is_empty();
+        let orphans: Vec<VertexId> = done.rows_before.iter().map(|row| row.0).filter(lost_all).collect();
+        self.adopt(mesh, rest, strips, &orphans);
+        for &v in &orphans {
+            strips.note_held(v, rest[v.index()], self.influences.row(v.index()));
+        }
+        for j in before..self.len() {
+            strips.places.anchors.insert(j as u32, rest[self.anchors[j].index()]);
+            done.particles_changed.push(ParticleId::new(j));
+        }
+        done.particles_changed.sort_unstable();
+        done.particles_changed.dedup();
+        done
+    }
+
+    /// The particles that are `away` and yet hold one of `vertices` (ascending), ascending, each with the nearest such vertex.
+    fn strays(
+        &self,
+        rest: &[DVec3],
+        away: impl Fn(usize) -> bool,
+        vertices: impl Iterator<Item = VertexId>,
+    ) -> Vec<(ParticleId, VertexId)> {
+        let away: Vec<bool> = (0..self.len()).map(|j| away(j) && self.anchors[j].is_some()).collect();
+        if !away.contains(&true) {
+            return Vec::new();
+        }
+        let mut nearest = vec![(f64::INFINITY, VertexId::NONE); self.len()];
+        let (spans, arena, anchors) = (self.influences.spans(), self.influences.arena(), &self.anchors[..]);
+        for v in vertices {
+            let span = spans[v.index()];
+            for e in &arena[span.start as usize..(span.start + span.len) as usize] {
+                let j = e.particle.index();
+                if away[j] {
+                    let distance = rest[anchors[j].index()].distance_squared(rest[v.index()]);
+                    if distance < nearest[j].0 {
+                        nearest[j] = (distance, v);
+                    }
+                }
+            }
+        }
+        let found = nearest.into_iter().enumerate().filter(|(_, best)| best.1.is_some());
+        found.map(|(j, best)| (ParticleId::new(j), best.1)).collect()
+    }
+
+    /// Drops the springs that are `lost`, which is asked with the lower end first.
+    fn drop_links(&mut self, lost: impl Fn(ParticleId, ParticleId) -> bool, changed: &mut Vec<ParticleId>) {
+        let mut kept: Vec<Link> = Vec::new();
+        for j in (0..self.len()).map(ParticleId::new) {
+            let row = self.neighbours.row(j.index());
+            kept.clear();
+            kept.extend(row.iter().filter(|l| !lost(j.min(l.particle), j.max(l.particle))));
+            if kept.len() < row.len() {
+                self.neighbours.set_row(j.index(), &kept);
+                changed.push(j);
+            }
+        }
+    }
+
+    /// From its new anchor a stray may lie across a strip from what it held, or was tied to: that is given up.
+    fn part_strays(
+        &mut self,
+        mesh: &Mesh,
+        rest: &[DVec3],
+        strips: &Strips,
+        strays: &[ParticleId],
+        changed: &mut Vec<ParticleId>,
+        before: &mut Vec<RowBefore>,
+    ) {
+        if strips.is_empty() || strays.is_empty() {
+            return;
+        }
+        let mut is_stray = vec![false; self.len()];
+        strays.iter().for_each(|j| is_stray[j.index()] = true);
+        let anchors = self.anchors.to_vec();
+        let connects = |v: VertexId, j: ParticleId| strips.connects_vertices(rest, v, anchors[j.index()]);
+        for v in mesh.live_vertices() {
+            let row = self.influences.row(v.index());
+            let stays = |e: &&Influence| !is_stray[e.particle.index()] || connects(v, e.particle);
+            let kept: Vec<Influence> = row.iter().filter(stays).copied().collect();
+            if kept.len() < row.len() {
+                before.push((v, row.to_vec()));
+                let sum: f32 = kept.iter().map(|e| e.weight).sum();
+                let kept: Vec<Influence> = kept.iter().map(|e| Influence { weight: e.weight / sum, ..*e }).collect();
+                self.influences.set_row(v.index(), &kept);
+            }
+        }
+        let of_stray = |a: ParticleId, b: ParticleId| is_stray[a.index()] || is_stray[b.index()];
+        self.drop_links(|a, b| of_stray(a, b) && !connects(anchors[a.index()], b), changed);
+    }
+
+    /// Gives vertices without influence the nearest connected particle, or one of their own.
+    fn adopt(&mut self, mesh: &Mesh, rest: &[DVec3], strips: &Strips, orphans: &[VertexId]) {
+        let mut nearest = Vec::new();
+        let mut stale = true;
+        for &v in orphans {
+            if std::mem::take(&mut stale) {
+                nearest = nearest_connected(mesh, rest, &self.anchors);
+            }
+            let mut j = nearest[v.index()];
+            if j.is_none() || !strips.connects_vertices(rest, v, self.anchors[j.index()]) {
+                stale = j.is_none(); // its component had none: look again for the rest of it
+                j = ParticleId::new(self.anchors.push(v));
+                self.rest_displacement.push([0.0; 3]);
+                self.neighbours.push_row(&[]);
+            }
+            self.influences.set_row(v.index(), &[Influence { particle: j, weight: 1.0 }]);
+        }
     }
 }
 
@@ -99,44 +235,150 @@ mod tests {
     use super::*;
     use crate::particles::{ParticleSettings, sample, test_models};
 
+    struct Whole {
+        mesh: Mesh,
+        rest: Vec<DVec3>,
+        map: ParticleMap,
+        settings: ParticleSettings,
+    }
+
+    fn whole(spacing: f64) -> Whole {
+        let (mesh, rest) = test_models::grid(20, 0.3, 1);
+        let settings = ParticleSettings::with_spacing(spacing);
+        let anchors = sample(&mesh, &rest, settings.spacing, 1);
+        let (map, _) = ParticleMap::build(&mesh, &rest, &anchors, &settings);
+        Whole { mesh, rest, map, settings }
+    }
+
     /// A piece: the vertices with x below `cut` of a grid, and which vertices those were.
-    fn piece(mesh: &Mesh, rest: &[DVec3], cut: f64) -> (Mesh, Vec<DVec3>, Vec<VertexId>) {
-        let old: Vec<VertexId> = mesh.live_vertices().filter(|v| rest[v.index()].x < cut).collect();
-        let new = |v: VertexId| old.binary_search(&v).ok().map(|i| i as u32);
+    struct Piece {
+        mesh: Mesh,
+        rest: Vec<DVec3>,
+        from: Vec<VertexId>,
+        to: Vec<VertexId>,
+    }
+
+    fn piece(whole: &Whole, cut: f64) -> Piece {
+        let Whole { mesh, rest, .. } = whole;
+        let from: Vec<VertexId> = mesh.live_vertices().filter(|v| rest[v.index()].x < cut).collect();
+        let new = |v: VertexId| from.binary_search(&v).ok().map(|i| i as u32);
+        let to = (0..mesh.vertex_slots()).map(|v| new(VertexId::new(v)).map_or(VertexId::NONE, VertexId)).collect();
         let faces = mesh.live_faces().filter_map(|f| {
             let [a, b, c] = mesh.face(f).map(new);
             Some([a?, b?, c?])
         });
-        let (piece, positions) = test_models::build(old.iter().map(|v| rest[v.index()]).collect(), faces.collect());
-        (piece, positions, old)
+        let (mesh, rest) = test_models::build(from.iter().map(|v| rest[v.index()]).collect(), faces.collect());
+        Piece { mesh, rest, from, to }
+    }
+
+    fn extract(whole: &Whole, piece: &Piece, strips: &Strips) -> MapPart {
+        whole.map.extract((&piece.mesh, &piece.rest, strips), (&piece.from, &piece.to), &whole.rest)
+    }
+
+    /// A strip along x = `x` over the whole grid.
+    fn strip(x: f64, settings: &ParticleSettings) -> Strips {
+        let mut strips = Strips::default();
+        let at = |y: f64, z: f64| DVec3::new(x, y, z);
+        strips.push([at(-1.0, -1.0), at(2.0, -1.0), at(2.0, 1.0), at(-1.0, 1.0)], settings.radius, 0).unwrap();
+        strips
     }
 
     #[test]
-    fn a_piece_keeps_its_own_particles() {
-        let (mesh, rest) = test_models::grid(20, 0.3, 1);
-        let settings = ParticleSettings::with_spacing(0.15);
-        let anchors = sample(&mesh, &rest, settings.spacing, 1);
-        let (map, _) = ParticleMap::build(&mesh, &rest, &anchors, &settings);
+    fn a_piece_keeps_its_influences_to_the_bit() {
+        let whole = whole(0.15);
         for cut in [0.55, 0.08] {
-            let (mesh, positions, old) = piece(&mesh, &rest, cut);
-            let (part, kept) = map.extract(&mesh, &positions, &Strips::default(), &old);
-            part.validate(&mesh, &positions, &Strips::default()).unwrap();
-            assert_eq!(part.len(), kept.len());
-            for (j, k) in kept.iter().enumerate().filter(|(_, k)| k.is_some()) {
-                assert_eq!(old[part.anchors[j].index()], map.anchors[k.index()]);
+            let piece = piece(&whole, cut);
+            let part = extract(&whole, &piece, &Strips::default());
+            part.map.validate(&piece.mesh, &piece.rest, &Strips::default()).unwrap();
+            assert!(part.from.len() == part.map.len() && part.rows_before.is_empty());
+            for v in piece.mesh.live_vertices() {
+                let old = whole.map.influences.row(piece.from[v.index()].index());
+                let new = part.map.influences.row(v.index());
+                let named = |e: &Influence| (part.from[e.particle.index()], e.weight.to_bits());
+                let same = |e: &Influence| (e.particle, e.weight.to_bits());
+                assert_eq!(new.iter().map(named).collect::<Vec<_>>(), old.iter().map(same).collect::<Vec<_>>());
             }
+            let (mut stayed, mut strays) = (0, 0);
+            for (j, k) in part.from.iter().enumerate() {
+                let (new, old) = (part.map.anchors[j], whole.map.anchors[k.index()]);
+                if piece.to[old.index()].is_some() {
+                    assert_eq!(piece.to[old.index()], new);
+                    stayed += 1;
+                    continue;
+                }
+                strays += 1;
+                // the nearest of those it holds
+                let held = piece
+                    .mesh
+                    .live_vertices()
+                    .filter(|v| part.map.influences.row(v.index()).iter().any(|e| e.particle.index() == j));
+                let distance = |v: VertexId| piece.rest[v.index()].distance(whole.rest[old.index()]);
+                let nearest = held.map(distance).fold(f64::INFINITY, f64::min);
+                assert_eq!(distance(new), nearest);
+            }
+            assert!(stayed > 0 && strays > 0);
         }
     }
 
     #[test]
-    fn a_piece_without_a_particle_gets_one() {
-        let (mesh, rest) = test_models::grid(20, 0.3, 1);
-        let settings = ParticleSettings::with_spacing(3.0);
-        let (map, _) = ParticleMap::build(&mesh, &rest, &[VertexId(440)], &settings);
-        let (mesh, positions, old) = piece(&mesh, &rest, 0.3);
-        let (part, kept) = map.extract(&mesh, &positions, &Strips::default(), &old);
-        part.validate(&mesh, &positions, &Strips::default()).unwrap();
-        assert_eq!(kept, [ParticleId::NONE]);
-        assert!(mesh.live_vertices().all(|v| part.influences.row(v.index()).len() == 1));
+    fn what_a_strip_parts_from_a_strays_new_anchor_is_given_up() {
+        let whole = whole(0.15);
+        let piece = piece(&whole, 0.5);
+        let strips = strip(0.4, &whole.settings);
+        let part = extract(&whole, &piece, &strips);
+        // strays from beyond 0.5 stay on their side of the strip
+        let is_stray = |j: ParticleId| whole.rest[whole.map.anchors[part.from[j.index()].index()].index()].x >= 0.5;
+        let held = |v: VertexId| part.map.influences.row(v.index());
+        let beyond = |v: &VertexId| piece.rest[v.index()].x < 0.4;
+        assert!(piece.mesh.live_vertices().filter(beyond).all(|v| held(v).iter().all(|e| !is_stray(e.particle))));
+        assert!(part.rows_before.iter().any(|(v, before)| beyond(v) && before.len() > held(*v).len()));
+        assert!(part.rows_before.iter().all(|(v, _)| (held(*v).iter().map(|e| e.weight).sum::<f32>() - 1.0).abs() < 1e-5));
+    }
+
+    #[test]
+    fn a_vertex_without_a_particle_gets_one() {
+        let mut whole = whole(3.0);
+        for v in 0..whole.mesh.vertex_slots() {
+            whole.map.influences.set_row(v, &[]);
+        }
+        let piece = piece(&whole, 0.3);
+        whole.map.anchors = vec![VertexId(440)].into(); // it lies outside
+        let part = extract(&whole, &piece, &Strips::default());
+        part.map.validate(&piece.mesh, &piece.rest, &Strips::default()).unwrap();
+        assert_eq!(part.from, [ParticleId::NONE]);
+        assert!(piece.mesh.live_vertices().all(|v| part.map.influences.row(v.index()).len() == 1));
+        assert_eq!(part.rows_before.len(), piece.mesh.live_vertices().count());
+    }
+
+    #[test]
+    fn what_stays_forgets_what_has_left() {
+        let mut whole = whole(0.15);
+        let gone: Vec<VertexId> = whole.mesh.live_vertices().filter(|v| whole.rest[v.index()].x < 0.4).collect();
+        let before = whole.map.clone();
+        let faces: Vec<crate::geometry::FaceId> = whole.mesh.live_faces().collect();
+        let touches = |f: &crate::geometry::FaceId| whole.mesh.face(*f).iter().any(|v| gone.contains(v));
+        let faces: Vec<_> = faces.into_iter().filter(touches).collect();
+        whole.mesh.replace_faces(&faces, &[], |_| 0, &mut crate::geometry::TopologyScratch::default());
+        let Whole { mesh, rest, map, .. } = &mut whole;
+        let gone: Vec<VertexId> = (0..rest.len()).map(VertexId::new).filter(|v| !mesh.vertex_is_live(*v)).collect();
+        map.take_delta();
+        let done = map.forget(mesh, rest, &mut Strips::default(), gone.iter().copied());
+        map.validate(mesh, rest, &Strips::default()).unwrap();
+        assert!(done.rows_before.is_empty());
+        assert!(mesh.live_vertices().all(|v| map.influences.row(v.index()) == before.influences.row(v.index())));
+        let retired = map.anchors.iter().filter(|a| a.is_none()).count();
+        let moved = map.anchors.iter().zip(before.anchors.iter()).filter(|(now, was)| now.is_some() && now != was).count();
+        assert!(retired > 0 && moved > 0 && retired + moved < map.len(), "{retired} retired, {moved} moved");
+        let changed = |j: usize| map.neighbours.row(j) != before.neighbours.row(j);
+        let expected: Vec<ParticleId> = (0..map.len()).filter(|&j| changed(j)).map(ParticleId::new).collect();
+        assert_eq!(done.particles_changed, expected);
+        let delta = map.take_delta();
+        map.apply_delta(delta);
+        let hash = |map: &ParticleMap| {
+            let mut hash = crate::geometry::StateHash::default();
+            map.hash_into(&mut hash);
+            hash.finish()
+        };
+        assert_eq!(hash(map), hash(&before));
     }
 }

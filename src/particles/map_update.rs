@@ -5,10 +5,11 @@
 //! write. Rows are worked on in scratch and written once, and only where they differ.
 
 use super::build::{link_weight, normalise};
+use super::cut_links::Codes;
 use super::flood::Flood;
+use super::link_tests::LinkTests;
 use super::particle_map::{Influence, Link, ParticleMap};
 use super::settings::ParticleSettings;
-use super::strip_test::StripGeometry;
 use super::strips::Strips;
 use super::work_rows::WorkRows;
 use super::wound;
@@ -28,6 +29,8 @@ pub struct NewVertex {
     /// What it was made from: the ends of the edge it cuts, the corners of the face it pierces, or the vertex it is a copy
     /// of. [`VertexId::NONE`] where unused. A parent that is new itself comes earlier in the list.
     pub parents: [VertexId; 3],
+    /// True if the parents only move it and it does not lie between them: it shares no lip with them.
+    pub is_apart: bool,
 }
 
 /// A vertex on the lip of a slit.
@@ -61,6 +64,8 @@ pub struct MapUpdateReport {
     pub vertices_changed: Vec<VertexId>,
     /// Particles whose anchor, rest displacement or neighbours changed, sorted. New particles are among them.
     pub particles_changed: Vec<ParticleId>,
+    /// Particles whose neighbours changed, sorted.
+    pub relinked: Vec<ParticleId>,
     /// Particles added, wound particles and others.
     pub particles_added: Vec<ParticleId>,
     /// Particles whose anchor was clipped and that found no other.
@@ -79,16 +84,15 @@ pub struct MapUpdateReport {
 #[derive(Clone, Debug, Default)]
 pub struct UpdateScratch {
     pub(super) flood: Flood,
-    rows: WorkRows,
+    pub(super) rows: WorkRows,
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
-    zone: Vec<VertexId>,
-    near_strips: Vec<u32>,
+    /// The tissue's, for the time of an update.
+    pub(super) tests: LinkTests,
+    pub(super) codes: Codes,
     work: Vec<VertexId>,
     weighted: Vec<(f64, ParticleId)>,
-    links: Vec<Link>,
-    /// Outcodes of the particles' anchors to one strip; 0 for those that are not near.
-    codes: Vec<u16>,
+    pub(super) links: Vec<Link>,
     /// The last visit of [`Update::regain`] that looked at each particle, and the number of visits.
     tried: Vec<u32>,
     visits: u32,
@@ -130,14 +134,14 @@ pub fn update_after_edit(
 ) -> MapUpdateReport {
     scratch.old_rows.clear();
     scratch.old_entries.clear();
+    scratch.tests = std::mem::take(&mut strips.places.links);
     let mut update = Update { mesh, rest, map, strips, edit, settings, scratch, report: MapUpdateReport::default() };
     update.mark_lips();
     if update.find_zone() {
-        update.cut_influences();
+        update.cut_links();
         update.give_new_vertices_rows();
         update.move_clipped_anchors();
         update.regain();
-        update.cut_neighbours();
         wound::add_particles(&mut update);
         update.link_particles();
         update.adopt_orphans();
@@ -161,7 +165,7 @@ pub(super) struct Update<'a, 'e> {
 impl Update<'_, '_> {
     /// Lips given by the edit, and new vertices whose parents are all on one lip: they are on it too.
     fn mark_lips(&mut self) {
-        for new in self.edit.new_vertices {
+        for new in self.edit.new_vertices.iter().filter(|n| !n.is_apart) {
             let mut parents = new.parents.into_iter().filter(|p| p.is_some());
             let Some(first) = parents.next() else { continue };
             let mut common = self.strips.lip_sides(first).to_vec();
@@ -187,11 +191,8 @@ impl Update<'_, '_> {
         let Some((low, high)) = self.bounds() else { return false };
         let reach = self.settings.reach();
         let (mesh, map, rest) = (self.mesh, &*self.map, self.rest);
-        self.strips.prepare(mesh, rest, map, self.settings);
-        let places = &mut self.strips.places;
-        for new in self.edit.new_vertices {
-            places.vertices.insert(new.vertex.0, rest[new.vertex.index()]); // an undo may have moved a slot
-        }
+        self.strips.prepare(rest, map, self.settings);
+        let places = &self.strips.places;
         let s = &mut *self.scratch;
         s.near.clear();
         places.anchors.visit(low - reach, high + reach, |j| {
@@ -204,19 +205,6 @@ impl Update<'_, '_> {
         s.near.sort_unstable();
         s.near.dedup();
         s.rows.begin(mesh.vertex_slots());
-        s.zone.clear();
-        let (low, high) = (low - self.settings.radius, high + self.settings.radius);
-        let visited = &mut self.report.vertices_visited;
-        places.vertices.visit(low, high, |v| {
-            *visited += 1;
-            let v = VertexId(v);
-            if v.index() < mesh.vertex_slots() && is_within(rest[v.index()], low, high) && mesh.vertex_is_live(v) {
-                s.zone.push(v);
-            }
-        });
-        s.rows.keep_first(&mut s.zone);
-        let margin = 2.0 * reach;
-        self.strips.near(low - margin, high + margin, &mut s.near_strips);
         s.unlinked.clear();
         true
     }
@@ -236,34 +224,6 @@ impl Update<'_, '_> {
             grow(self.rest[v.index()], self.rest[v.index()]);
         }
         (bounds.0.cmple(bounds.1).all()).then_some(bounds)
-    }
-
-    /// Influences of old vertices that cross a new strip. Most are settled by the ends' outcodes alone.
-    fn cut_influences(&mut self) {
-        let s = &mut *self.scratch;
-        for &v in &s.zone {
-            if self.map.influences.row(v.index()).is_empty() {
-                s.rows.open(v, self.map); // nobody holds it: see adopt_orphans
-            }
-        }
-        for k in self.edit.new_strips.start.min(self.strips.len())..self.edit.new_strips.end.min(self.strips.len()) {
-            s.codes.clear();
-            s.codes.resize(self.map.len(), 0);
-            for &j in &s.near {
-                s.codes[j.index()] = self.strips.outcode(k, self.rest, self.map.anchors[j.index()]);
-            }
-            for &v in &s.zone {
-                let code = self.strips.outcode(k, self.rest, v);
-                for influence in self.map.influences.row(v.index()) {
-                    let j = influence.particle;
-                    if !StripGeometry::codes_part(code, s.codes[j.index()])
-                        && self.strips.crosses(k, self.rest, v, self.map.anchors[j.index()])
-                    {
-                        self.report.influences_removed += usize::from(s.rows.open(v, self.map).remove(j));
-                    }
-                }
-            }
-        }
     }
 
     /// Rows of new vertices: what reached their parents and still connects.
@@ -287,8 +247,8 @@ impl Update<'_, '_> {
     }
 
     /// True if `j` is near enough to move `v` and no strip lies between them.
-    fn may_link(&self, v: VertexId, j: ParticleId) -> bool {
-        self.weight(v, j) > 0.0 && self.connects(v, self.map.anchors[j.index()])
+    fn may_link(&mut self, v: VertexId, j: ParticleId) -> bool {
+        self.weight(v, j) > 0.0 && self.connects(j, v)
     }
 
     /// Weight of `j` at `v` before normalisation; 0 out of reach or retired.
@@ -296,15 +256,9 @@ impl Update<'_, '_> {
         self.settings.weight(self.map, self.rest, v, j)
     }
 
-    /// True if no strip near the wound lies between two vertices.
-    fn connects(&self, a: VertexId, b: VertexId) -> bool {
-        let (p, q) = (self.rest[a.index()], self.rest[b.index()]);
-        let (lips_a, lips_b) = (self.strips.lip_sides(a), self.strips.lip_sides(b));
-        // a known side may stand against geometry, and holds for the strips next to its own too
-        let may_know = |k: u32| lips_a.iter().chain(lips_b).any(|l| l.strip.abs_diff(k) <= 1);
-        let by_side = |k: u32| self.strips.crosses(k as usize, self.rest, a, b);
-        let by_place = |k: u32| self.strips.geometry(k as usize).crosses(p, q);
-        !self.scratch.near_strips.iter().any(|&k| if may_know(k) { by_side(k) } else { by_place(k) })
+    /// True if no strip lies between the anchor of `j` and `v`.
+    fn connects(&mut self, j: ParticleId, v: VertexId) -> bool {
+        self.scratch.tests.connects(self.strips, self.rest, self.map, self.settings, (j, v))
     }
 
     /// Particles whose anchor was clipped take the nearest vertex that they still hold, if it is near, on their side of
@@ -316,14 +270,17 @@ impl Update<'_, '_> {
             let old = self.map.anchors[j.index()];
             let mut best = (self.settings.spacing, VertexId::NONE);
             let mut holds = Vec::new();
-            for i in 0..self.scratch.zone.len() {
-                let v = self.scratch.zone[i];
-                if !self.scratch.rows.holds(v, j, self.map) {
-                    continue;
-                }
-                holds.push(v);
+            let s = &*self.scratch;
+            let is_held = |v: VertexId| v.index() < self.map.influences.rows() && s.rows.holds(v, j, self.map);
+            let everywhere = (DVec3::NEG_INFINITY, DVec3::INFINITY);
+            self.strips.places.holders.visit(j, everywhere.0, everywhere.1, |v| holds.push(v));
+            holds.extend((0..s.rows.count()).map(|i| s.rows.vertex(i)));
+            holds.retain(|&v| is_held(v) && self.mesh.vertex_is_live(v));
+            holds.sort_unstable();
+            holds.dedup();
+            for &v in &holds {
                 let distance = self.rest[v.index()].distance(self.rest[old.index()]);
-                if (distance, v) < best && self.connects(v, old) && !self.is_anchor(v) {
+                if (distance, v) < best && self.strips.connects_vertices(self.rest, old, v) && !self.is_anchor(v) {
                     best = (distance, v);
                 }
             }
@@ -390,34 +347,6 @@ impl Update<'_, '_> {
         }
     }
 
-    /// Neighbour links that cross a new strip.
-    fn cut_neighbours(&mut self) {
-        let new_strips = self.edit.new_strips.start.min(self.strips.len())..self.edit.new_strips.end.min(self.strips.len());
-        for i in 0..self.scratch.near.len() {
-            let j = self.scratch.near[i];
-            let anchor = self.map.anchors[j.index()];
-            let row = self.map.neighbours.row(j.index());
-            let cut = |link: &Link| {
-                let other = self.map.anchors[link.particle.index()];
-                self.strips.crosses_any(new_strips.clone(), self.rest, anchor, other)
-            };
-            let links = &mut self.scratch.links;
-            links.clear();
-            links.extend(row.iter().filter(|&link| !cut(link)));
-            if links.len() == row.len() {
-                continue;
-            }
-            // Both rows lose the link now: a lip of the strip before may be known to lie across and yet be out of reach.
-            let lost: Vec<ParticleId> = row.iter().filter(|&link| cut(link)).map(|link| link.particle).collect();
-            self.map.neighbours.set_row(j.index(), links);
-            self.report.links_removed += lost.len();
-            self.report.particles_changed.push(j);
-            for other in lost {
-                self.remove_link(other, j);
-            }
-        }
-    }
-
     /// Removes a particle from its neighbours' rows and clears its own.
     fn unlink(&mut self, j: ParticleId) {
         let row = self.map.neighbours.row(j.index()).to_vec();
@@ -426,17 +355,18 @@ impl Update<'_, '_> {
         }
         if !row.is_empty() {
             self.map.neighbours.set_row(j.index(), &[]);
+            self.report.relinked.push(j);
             self.report.links_removed += row.len();
         }
     }
 
     /// Removes `j` from the neighbours of `of`.
-    fn remove_link(&mut self, of: ParticleId, j: ParticleId) {
+    pub(super) fn remove_link(&mut self, of: ParticleId, j: ParticleId) {
         let links = &mut self.scratch.links;
         links.clear();
         links.extend(self.map.neighbours.row(of.index()).iter().filter(|l| l.particle != j));
         self.map.neighbours.set_row(of.index(), links);
-        self.report.particles_changed.push(of);
+        self.report.relinked.push(of);
     }
 
     /// Appends a particle; its links are found by [`Update::link_particles`].
@@ -479,7 +409,7 @@ impl Update<'_, '_> {
                 continue;
             }
             let distance = self.rest[other.index()].distance(self.rest[anchor.index()]);
-            if distance < delta && self.connects(anchor, other) {
+            if distance < delta && self.strips.connects_vertices(self.rest, anchor, other) {
                 let weight = link_weight(distance, mean);
                 self.insert_link(j, Link { particle: k, weight });
                 self.insert_link(k, Link { particle: j, weight });
@@ -494,7 +424,7 @@ impl Update<'_, '_> {
         let at = links.partition_point(|l| l.particle < link.particle);
         links.insert(at, link);
         self.map.neighbours.set_row(of.index(), links);
-        self.report.particles_changed.push(of);
+        self.report.relinked.push(of);
     }
 
     /// Vertices left without a particle get the nearest connected one that no strip parts from them; where there is none
@@ -523,13 +453,16 @@ impl Update<'_, '_> {
         let (p, reach) = (self.rest[v.index()], 2.0 * self.settings.radius);
         let rest = self.rest;
         self.scratch.flood.run(self.mesh, &[v], |w| is_within(rest[w.index()], p - reach, p + reach));
-        let connected = self
-            .scratch
-            .near
-            .iter()
-            .copied()
-            .filter(|&j| self.scratch.flood.has_reached(self.map.anchors[j.index()]) && self.may_link(v, j));
-        connected.max_by(|&a, &b| self.weight(v, a).total_cmp(&self.weight(v, b)).then(b.cmp(&a)))
+        let mut best: Option<(f64, ParticleId)> = None;
+        for i in 0..self.scratch.near.len() {
+            let j = self.scratch.near[i];
+            let weight = self.weight(v, j);
+            let is_better = best.is_none_or(|b| (weight, std::cmp::Reverse(j)) > (b.0, std::cmp::Reverse(b.1)));
+            if is_better && self.scratch.flood.has_reached(self.map.anchors[j.index()]) && self.may_link(v, j) {
+                best = Some((weight, j));
+            }
+        }
+        best.map(|b| b.1)
     }
 
     /// Writes the rows that differ from the map's.
@@ -564,6 +497,7 @@ impl Update<'_, '_> {
             if row.is_empty() {
                 // Only links beyond the radius, as a map built from few anchors has: the first stands for all.
                 row.extend(particles.first().map(|&j| Influence { particle: j, weight: 1.0 }));
+                self.strips.places.far.push(v);
             }
             self.scratch.weighted = weighted;
             if self.map.influences.row(v.index()) != row.as_slice() {
@@ -576,15 +510,24 @@ impl Update<'_, '_> {
     fn replace_row(&mut self, v: VertexId, row: &[Influence]) {
         let s = &mut *self.scratch;
         let start = s.old_entries.len();
-        s.old_entries.extend_from_slice(self.map.influences.row(v.index()));
+        let old = self.map.influences.row(v.index());
+        for influence in row.iter().filter(|i| old.iter().all(|o| o.particle != i.particle)) {
+            self.strips.places.holders.push(influence.particle, v, self.rest[v.index()]);
+        }
+        s.old_entries.extend_from_slice(old);
         s.old_rows.push((v, start..s.old_entries.len()));
         self.map.influences.set_row(v.index(), row);
         self.report.vertices_changed.push(v);
     }
 
     fn finish(mut self) -> MapUpdateReport {
+        self.strips.places.links = std::mem::take(&mut self.scratch.tests);
         self.report.vertices_changed.sort_unstable();
         self.report.vertices_changed.dedup();
+        self.report.relinked.sort_unstable();
+        self.report.relinked.dedup();
+        let relinked = &self.report.relinked;
+        self.report.particles_changed.extend_from_slice(relinked);
         self.report.particles_changed.sort_unstable();
         self.report.particles_changed.dedup();
         self.report

@@ -1,8 +1,11 @@
 //! The soft layer: sampling, the particle map, strips, the update after a wound (MATHS 3).
 
 pub mod build;
+mod cut_links;
 pub mod extract;
 pub mod flood;
+mod holders;
+mod link_tests;
 pub mod map_json;
 pub mod map_update;
 pub mod particle_map;
@@ -20,6 +23,7 @@ mod work_rows;
 mod wound;
 
 pub use build::{BuildReport, sigmoid_weight};
+pub use extract::{Forgotten, MapPart, RowBefore};
 pub use map_json::{MapJson, map_json};
 pub use map_update::{LipVertex, MapEdit, MapUpdateReport, NewVertex, UpdateScratch, update_after_edit};
 pub use particle_map::{Influence, Link, ParticleMap, ParticleMapDelta};

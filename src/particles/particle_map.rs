@@ -34,6 +34,8 @@ pub struct ParticleMap {
     pub influences: SlotCsr<Influence>,
     /// One row a particle.
     pub neighbours: SlotCsr<Link>,
+    /// Length of a link of weight 1, metres: the mean when the map was built. 0 where there was no link.
+    pub mean_link: f64,
 }
 
 /// What an edit changed in a [`ParticleMap`].

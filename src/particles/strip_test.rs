@@ -12,6 +12,11 @@ pub struct StripGeometry {
     normals: [DVec3; 2],
     /// The same, of unit length; zero for a triangle without area.
     units: [DVec3; 2],
+    /// A thousand roundings of a height over each triangle, for a point one metre off (sum of coordinates).
+    roundings: [f64; 2],
+    /// Dual vectors of the two edges that leave a triangle's first corner: they give a point's coordinates along those edges.
+    /// NaN, which decides nothing, for a triangle too thin for rounded coordinates.
+    duals: [[DVec3; 2]; 2],
     /// Bounds of both triangles.
     pub low: DVec3,
     /// Bounds of both triangles.
@@ -52,7 +57,9 @@ impl StripGeometry {
         let low = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
         let high = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
         let units = normals.map(DVec3::normalize_or_zero);
-        Self { triangles, normals, units, low, high, margin: 0.25 * d }
+        let roundings = normals.map(|n| 1e-13 * n.abs().element_sum());
+        let duals = triangles.map(duals);
+        Self { triangles, normals, units, roundings, duals, low, high, margin: 0.25 * d }
     }
 
     /// Unit normal towards side +1, zero for a strip without area.
@@ -68,14 +75,58 @@ impl StripGeometry {
     /// What a point lies beyond, a bit each: the six sides of the bounds, then the two sides of each triangle's plane by more
     /// than rounding. See [`StripGeometry::codes_part`].
     pub fn outcode(&self, p: DVec3) -> u16 {
+        self.bounds_code(p) | self.planes_code(p)
+    }
+
+    fn bounds_code(&self, p: DVec3) -> u16 {
         let (below, above) = (p.cmplt(self.low).bitmask() as u16, p.cmpgt(self.high).bitmask() as u16);
-        let mut code = below | above << 3;
-        for (t, (n, [q, ..])) in self.normals.iter().zip(&self.triangles).enumerate() {
-            let d = p - *q;
-            let (height, bound) = (n.dot(d), 1e-13 * n.abs().element_sum() * d.abs().element_sum());
+        below | above << 3
+    }
+
+    fn planes_code(&self, p: DVec3) -> u16 {
+        let d = p - self.triangles[0][0]; // both triangles start there
+        let size = d.abs().element_sum();
+        let mut code = 0;
+        for (t, n) in self.normals.iter().enumerate() {
+            let (height, bound) = (n.dot(d), self.roundings[t] * size);
             code |= (u16::from(height > bound) | u16::from(height < -bound) << 1) << (6 + 2 * t);
         }
         code
+    }
+
+    /// [`StripGeometry::codes_part`] for a point's outcode and another point, of which no more than needed is worked out.
+    #[inline]
+    pub fn parts(&self, code: u16, p: DVec3) -> bool {
+        self.bounds_code(p) & code != 0 || (code & 0o1700 != 0 && Self::codes_part(code & 0o1700, self.planes_code(p)))
+    }
+
+    /// Bounds of the shadow that a point throws through the strip as far as `radius`: of all ends of links from the point, that long
+    /// at most, that cross. `None` if there are none.
+    pub fn shadow(&self, from: DVec3, radius: f64) -> Option<(DVec3, DVec3)> {
+        if from.cmplt(self.low - radius).any() || from.cmpgt(self.high + radius).any() {
+            return None;
+        }
+        let [[tip0, tip1, base1], [.., base0]] = self.triangles;
+        let d = from - tip0;
+        let heights = self.units.map(|n| n.dot(d));
+        // on one side of both planes the link has at least the height to the nearer to go
+        let nearest = if heights[0] * heights[1] > 0.0 { heights[0].abs().min(heights[1].abs()) } else { 0.0 };
+        if nearest > radius {
+            return None;
+        }
+        // ends lie between the strip and the strip seen from the point and scaled so far that it is out of reach everywhere
+        let (mut low, mut high) = (self.low, self.high);
+        if nearest > 0.0 {
+            let scale = radius / nearest;
+            for corner in [tip0, tip1, base1, base0] {
+                let far = from + (corner - from) * scale;
+                (low, high) = (low.min(far), high.max(far));
+            }
+        } else {
+            (low, high) = (DVec3::NEG_INFINITY, DVec3::INFINITY);
+        }
+        let slack = 1e-9 * (radius + (self.high - self.low).length());
+        Some((low.max(from - radius) - slack, high.min(from + radius) + slack))
     }
 
     /// True if the outcodes of two points without known sides show that the link between them does not cross: both beyond one
@@ -84,6 +135,13 @@ impl StripGeometry {
     pub fn codes_part(a: u16, b: u16) -> bool {
         let both = a & b;
         both & 0o77 != 0 || (both & 0o300 != 0 && both & 0o1400 != 0)
+    }
+
+    /// True if a point with this outcode is on `side` of both triangles' planes by more than rounding: a known side then says no
+    /// more than geometry.
+    pub fn is_on_side(code: u16, side: i8) -> bool {
+        let wanted = if side > 0 { 0o500 } else { 0o1200 };
+        code & 0o1700 == wanted
     }
 
     /// True if the bounds of a link and of the strip are more than `margin` apart.
@@ -138,7 +196,14 @@ impl StripGeometry {
     /// +1 or -1; points in the plane count as +1.
     fn side(&self, t: usize, x: DVec3) -> i8 {
         let [p, q, s] = self.triangles[t];
-        if orient(p, q, s, x) <= 0.0 { 1 } else { -1 }
+        let d = x - p;
+        let (height, bound) = (self.normals[t].dot(d), self.roundings[t] * d.abs().element_sum());
+        match height {
+            h if h > bound => 1,
+            h if h < -bound => -1,
+            _ if orient(p, q, s, x) <= 0.0 => 1,
+            _ => -1,
+        }
     }
 
     /// Distance to the plane of a triangle, signed; 0 for a triangle without area.
@@ -151,11 +216,34 @@ impl StripGeometry {
         let (n, p) = (self.normals[t], self.triangles[t][0]);
         let (da, db) = (a - p, b - p);
         let (ha, hb) = (n.dot(da), n.dot(db));
-        let bound = 1e-13 * n.abs().element_sum() * (da.abs() + db.abs()).element_sum();
+        let bound = self.roundings[t] * (da.abs() + db.abs()).element_sum();
         if (ha > bound && hb > bound) || (ha < -bound && hb < -bound) {
             return false;
         }
+        if (ha > bound && hb < -bound) || (ha < -bound && hb > bound) {
+            // where the link meets the plane, in coordinates along two edges; well inside or well outside needs no more
+            let x = da + (db - da) * (ha / (ha - hb));
+            let [s, r] = self.duals[t].map(|g| g.dot(x));
+            let size = (self.duals[t][0].abs() + self.duals[t][1].abs()).element_sum() * (da.abs() + db.abs()).element_sum();
+            let doubt = size * (1e-11 + 0.1 * bound / (ha - hb).abs()) + 1e-12;
+            let least = s.min(r).min(1.0 - s - r);
+            if least.abs() > doubt {
+                return least > 0.0;
+            }
+        }
         self.side(t, a) != self.side(t, b) && line_meets(self.triangles[t], a, b)
+    }
+}
+
+/// See [`StripGeometry::duals`].
+fn duals([p, q, s]: [DVec3; 3]) -> [DVec3; 2] {
+    let (u, w) = (q - p, s - p);
+    let n = u.cross(w);
+    let squared = n.length_squared();
+    if squared > 1e-8 * u.length_squared() * w.length_squared() {
+        [w.cross(n) / squared, n.cross(u) / squared]
+    } else {
+        [DVec3::NAN; 2]
     }
 }
 

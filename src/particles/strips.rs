@@ -3,11 +3,13 @@
 //! A plane cut leaves none: it parts every edge it meets, so what it separates is no longer connected, and the sheet rule
 //! links nothing that is not connected.
 
-use super::particle_map::ParticleMap;
+use super::holders::Holders;
+use super::link_tests::LinkTests;
+use super::particle_map::{Influence, ParticleMap};
 use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
-use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
+use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use parry3d::bounding_volume::Aabb;
@@ -73,36 +75,74 @@ pub struct Strips {
     pub(super) wounds: Tracked<WoundMark>,
     /// Derived from `strips`, one for one; not hashed.
     geometry: Vec<StripGeometry>,
+    along: Vec<Along>,
+    /// Bounds of every [`GROUP`] strips.
+    groups: Vec<(DVec3, DVec3)>,
     bvh: Bvh,
     /// Derived from mesh and particle map by the updates; not hashed.
     pub(super) places: Places,
 }
 
-/// Where particles and vertices are, for updates that look around a wound. Both grids hold supersets: see [`PointGrid`].
+/// What is where, for updates that look around a wound. All of it holds supersets. Undo and redo leave it as it is: whatever comes
+/// back was put in when it was made.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     /// Particles by their anchor.
     pub(super) anchors: PointGrid,
-    /// Vertices.
-    pub(super) vertices: PointGrid,
-    /// Vertex slots that were looked at.
-    known: usize,
+    /// Vertices by particle.
+    pub(super) holders: Holders,
+    /// Strips near the particles.
+    pub(super) links: LinkTests,
+    /// Vertices that are or once were lips of each strip.
+    lips: Vec<Vec<VertexId>>,
+    /// Vertices that are or once were held from beyond a particle's radius.
+    pub(super) far: Vec<VertexId>,
+    /// Radius of an ordinary particle, and of a wound particle, metres.
+    radii: [f64; 2],
+    is_built: bool,
 }
 
 impl Places {
-    /// Brings the grids in line with what was added; builds them where there are none, which is the one pass over
-    /// everything. `reach` is the longest link.
-    fn update(&mut self, mesh: &Mesh, rest: &[DVec3], map: &ParticleMap, reach: f64) {
-        if self.vertices.is_empty() {
-            let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
-            self.anchors = PointGrid::build(positions, reach);
-            self.vertices = PointGrid::over(rest[..mesh.vertex_slots()].iter().copied(), 0.5 * reach);
+    /// The one pass over everything. `reach` is the longest link.
+    fn build(rest: &[DVec3], map: &ParticleMap, lips: &SlotCsr<LipSide>, settings: &ParticleSettings) -> Self {
+        let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
+        let held = |v: VertexId| map.influences.row(v.index()).iter().map(|i| i.particle);
+        let is_far = |&v: &VertexId| held(v).any(|j| settings.weight(map, rest, v, j) <= 0.0);
+        let rows = map.influences.rows().min(rest.len());
+        let mut places = Self {
+            anchors: PointGrid::build(positions, settings.reach()),
+            holders: Holders::build(map, rest),
+            far: (0..rows).map(VertexId::new).filter(is_far).collect(),
+            radii: [settings.radius, settings.wound.radius.min(settings.radius)],
+            is_built: true,
+            ..Self::default()
+        };
+        for v in 0..lips.rows() {
+            lips.row(v).iter().for_each(|l| places.note_lip(VertexId::new(v), l.strip as usize));
         }
-        for (v, &at) in rest.iter().enumerate().take(mesh.vertex_slots()).skip(self.known) {
-            self.vertices.insert(v as u32, at);
-        }
-        self.known = self.known.max(mesh.vertex_slots());
+        places
     }
+
+    fn note_lip(&mut self, v: VertexId, strip: usize) {
+        if self.lips.len() <= strip {
+            self.lips.resize(strip + 1, Vec::new());
+        }
+        self.lips[strip].push(v);
+    }
+}
+
+/// Strips that follow one another and share bounds, so that a link far from all of them is done with them at once.
+const GROUP: usize = 8;
+
+/// Where a strip lies in its slit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Along {
+    /// First strip of the slit.
+    start: usize,
+    /// Length of the slit before this strip, metres.
+    before: f64,
+    /// Its own length: the mean of its tip edge and its base edge, metres.
+    length: f64,
 }
 
 /// What an edit changed in [`Strips`].
@@ -187,6 +227,12 @@ impl Strips {
         row.push(new);
         row.sort_unstable_by_key(|l| l.strip);
         self.lips.set_row(v.index(), &row);
+        self.places.note_lip(v, strip);
+    }
+
+    /// Vertices that may know their side of strip `k`: lips of it and of the strips before and after it, and some that are none.
+    pub(super) fn lips_near(&self, k: usize) -> impl Iterator<Item = &VertexId> {
+        self.places.lips.iter().take(k + 2).skip(k.saturating_sub(1)).flatten()
     }
 
     /// True if the segment between two rest positions crosses no strip.
@@ -221,9 +267,18 @@ impl Strips {
         range.into_iter().any(|k| self.crosses(k, rest, a, b))
     }
 
-    /// [`StripGeometry::outcode`] of a vertex; 0, which parts it from nothing, where its side of strip `k` is known.
-    pub(super) fn outcode(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
-        if self.known_side(k, v).is_some() { 0 } else { self.geometry[k].outcode(rest[v.index()]) }
+    /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.
+    pub(super) fn code_of_anchor(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
+        let code = self.geometry[k].outcode(rest[v.index()]);
+        match self.known_side(k, v) {
+            Some(known) if !StripGeometry::is_on_side(code, known.side) => 0,
+            _ => code,
+        }
+    }
+
+    /// True if `v` knows its side of strip `k`, whatever geometry says.
+    pub(super) fn knows_side(&self, k: usize, v: VertexId) -> bool {
+        self.known_side(k, v).is_some()
     }
 
     /// Side of strip `k` that `v` is known to be on, from the strip itself or from a neighbour in its slit.
@@ -256,36 +311,57 @@ impl Strips {
 
     /// First strip of the slit that strip `k` belongs to.
     pub fn slit_start(&self, k: usize) -> usize {
-        (0..=k).rev().take_while(|&i| self.strips[i].slit == self.strips[k].slit).last().unwrap_or(k)
+        self.along[k].start
+    }
+
+    /// Where strip `k` begins along its slit and how long it is there, metres.
+    pub(super) fn stretch(&self, k: usize) -> (f64, f64) {
+        (self.along[k].before, self.along[k].length)
+    }
+
+    /// Number of the group that strip `k` is in.
+    pub(super) fn group(k: u32) -> usize {
+        k as usize / GROUP
+    }
+
+    /// True if a link is apart from the bounds of all strips of a group.
+    #[inline]
+    pub(super) fn is_beside_group(&self, group: usize, a: DVec3, b: DVec3) -> bool {
+        let (low, high) = self.groups[group];
+        a.max(b).cmplt(low).any() || a.min(b).cmpgt(high).any()
+    }
+
+    /// Largest [`StripGeometry::margin`] of all strips, metres.
+    pub(super) fn largest_margin(&self) -> f64 {
+        self.geometry.iter().map(|g| g.margin).fold(0.0, f64::max)
     }
 
     /// Prepares for updates of this mesh and map: the first update would do it, in one pass over the model; done at
     /// load, no tear pays for it.
-    pub fn prepare(&mut self, mesh: &Mesh, rest: &[DVec3], map: &ParticleMap, settings: &ParticleSettings) {
-        self.places.update(mesh, rest, map, settings.reach());
+    pub fn prepare(&mut self, rest: &[DVec3], map: &ParticleMap, settings: &ParticleSettings) {
+        if !self.places.is_built {
+            self.places = Places::build(rest, map, &self.lips, settings);
+        }
     }
 
-    /// Forgets where particles and vertices are: needed when mesh or map are not those that the updates saw, as after the
-    /// particles were sampled anew.
-    pub fn forget_places(&mut self) {
-        self.places = Places::default();
+    /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices; wound marks are to follow by
+    /// [`Strips::take_wounds`]. `vertices[new]` is the old vertex of each of the piece's.
+    pub fn extract(&self, vertices: &[VertexId]) -> Self {
+        let known = self.lips.rows();
+        let row = |v: &VertexId| (v.index() < known).then(|| v.index());
+        let lips = if known > 0 { self.lips.gather(vertices.iter().map(row), |lip| *lip) } else { SlotCsr::default() };
+        let Self { geometry, along, groups, bvh, .. } = self.clone();
+        Self { strips: self.strips.to_vec().into(), lips, geometry, along, groups, bvh, ..Self::default() }
     }
 
-    /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices. `vertices[new]` is the
-    /// old vertex of each of the piece's, `particles` the old particle of each of its new ones.
-    pub fn extract(&self, vertices: &[VertexId], particles: &[ParticleId]) -> Self {
-        let lips = SlotCsr::from_rows(vertices.iter().map(|&v| self.lip_sides(v)));
-        let wounds: Vec<WoundMark> = self
-            .wounds
-            .iter()
-            .filter_map(|m| {
-                let new = particles.iter().position(|&p| p == m.particle)?;
-                Some(WoundMark { particle: ParticleId::new(new), ..*m })
-            })
-            .collect();
-        let mut piece = Self { strips: self.strips.to_vec().into(), lips, wounds: wounds.into(), ..Self::default() };
-        piece.derive();
-        piece
+    /// Takes over the wound marks of `whole` that name a particle of this piece. `particles[new]` is the old particle of each
+    /// of the piece's, ascending, [`ParticleId::NONE`] last.
+    pub fn take_wounds(&mut self, whole: &Self, particles: &[ParticleId]) {
+        let renamed = |mark: &WoundMark| {
+            let new = particles.binary_search(&mark.particle).ok()?;
+            Some(WoundMark { particle: ParticleId::new(new), ..*mark })
+        };
+        self.wounds = whole.wounds.iter().filter_map(renamed).collect::<Vec<_>>().into();
     }
 
     /// Everything changed since the last call.
@@ -300,6 +376,7 @@ impl Strips {
             lips: self.lips.apply_delta(delta.lips),
             wounds: self.wounds.apply(delta.wounds),
         };
+        self.places.links.clear();
         self.derive();
         inverse
     }
@@ -338,17 +415,72 @@ impl Strips {
         }
     }
 
+    fn widen_group(&mut self, k: usize) {
+        let StripGeometry { low, high, .. } = self.geometry[k];
+        if self.groups.len() <= k / GROUP {
+            self.groups.push((DVec3::INFINITY, DVec3::NEG_INFINITY));
+        }
+        let bounds = &mut self.groups[k / GROUP];
+        *bounds = (bounds.0.min(low), bounds.1.max(high));
+    }
+
+    /// Checks that what updates look up knows every influence of the map and every anchor, where they are now.
+    pub(super) fn check_places(&self, map: &ParticleMap, rest: &[DVec3]) -> Result<(), String> {
+        if !self.places.is_built {
+            return Ok(());
+        }
+        for v in (0..map.influences.rows().min(rest.len())).map(VertexId::new) {
+            for influence in map.influences.row(v.index()) {
+                if !self.places.holders.lists(influence.particle, v, rest[v.index()]) {
+                    return Err(format!("{:?} holds vertex {v:?}, and updates do not know it", influence.particle));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes that `j` has another anchor and keeps what it holds, which may lie beyond its radius now.
+    pub(super) fn note_moved(&mut self, map: &ParticleMap, rest: &[DVec3], j: ParticleId) {
+        let at = rest[map.anchors[j.index()].index()];
+        let Places { anchors, holders, far, radii, is_built, .. } = &mut self.places;
+        if *is_built {
+            anchors.insert(j.0, at);
+            let radius = radii[usize::from(map.is_wound(j))];
+            let is_far = |v: &VertexId| rest.get(v.index()).is_some_and(|p| p.distance(at) >= radius);
+            holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |v| far.extend(Some(v).filter(is_far)));
+        }
+    }
+
+    /// Notes a row of influences, of whatever reach, that was written by other means than an update.
+    pub(super) fn note_held(&mut self, v: VertexId, at: DVec3, row: &[Influence]) {
+        if self.places.is_built {
+            row.iter().for_each(|i| self.places.holders.push(i.particle, v, at));
+            self.places.far.push(v);
+        }
+    }
+
     /// Brings derived data in line: strips are only ever appended, or taken away from the end by an undo.
     fn derive(&mut self) {
         for k in self.len()..self.geometry.len() {
             self.bvh.remove(k as u32);
         }
         self.geometry.truncate(self.len());
+        self.along.truncate(self.len());
+        self.groups.truncate(self.len() / GROUP);
+        for k in self.groups.len() * GROUP..self.geometry.len() {
+            self.widen_group(k);
+        }
         for k in self.geometry.len()..self.len() {
             let strip = &self.strips[k];
             let geometry = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
             self.bvh.insert(aabb(geometry.low, geometry.high), k as u32);
             self.geometry.push(geometry);
+            let [tip0, tip1, base1, base0] = strip.corners.map(DVec3::from_array);
+            let length = 0.5 * (tip0.distance(tip1) + base0.distance(base1));
+            let last = k.checked_sub(1).filter(|&i| self.strips[i].slit == strip.slit).map(|i| self.along[i]);
+            let (start, before) = last.map_or((k, 0.0), |a| (a.start, a.before + a.length));
+            self.along.push(Along { start, before, length });
+            self.widen_group(k);
         }
     }
 }

@@ -60,7 +60,7 @@ impl Patient {
         for copy in copies {
             self.rest.push(self.rest[copy.from.index()]);
             let parents = [copy.from, VertexId::NONE, VertexId::NONE];
-            wound.new.push(NewVertex { vertex: copy.vertex, parents });
+            wound.new.push(NewVertex { vertex: copy.vertex, parents, is_apart: false });
         }
     }
 
@@ -146,7 +146,7 @@ impl Patient {
         let added = [face([a, m, c]), face([m, b, c]), face([b, m, d]), face([m, a, d])];
         self.mesh.replace_faces(&[h.face(), back.face()], &added, |_| 0, &mut TopologyScratch::default());
         self.rest.push(0.5 * (self.rest[a.index()] + self.rest[b.index()]));
-        Some(NewVertex { vertex: m, parents: [a, b, VertexId::NONE] })
+        Some(NewVertex { vertex: m, parents: [a, b, VertexId::NONE], is_apart: false })
     }
 
     fn validate(&self) {

@@ -17,6 +17,7 @@ impl ParticleMap {
         self.check_influences(mesh, rest, strips)?;
         self.check_neighbours(rest, strips)?;
         self.check_reached(mesh)?;
+        strips.check_places(self, rest)?;
         strips.validate()
     }
 

@@ -131,13 +131,6 @@ impl WorkRows {
         (0..).map_while(|i| self.particle(v, i, map)).any(|p| p == j)
     }
 
-    /// Drops repeats from a list of vertices without changing its order. Before any row is opened.
-    pub fn keep_first(&mut self, vertices: &mut Vec<VertexId>) {
-        let (slots, round) = (&mut self.slots, self.round);
-        vertices.retain(|v| std::mem::replace(&mut slots[v.index()].0, round) != round);
-        self.begin(0);
-    }
-
     /// Number of open rows.
     pub fn count(&self) -> usize {
         self.rows.len()

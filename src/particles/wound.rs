@@ -17,19 +17,13 @@ const GAP_OVER_LENGTH: f64 = 0.35;
 /// Least share of the opening, so that a wound particle never counts as an ordinary one.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// Length of a strip along the slit: the mean of its tip edge and its base edge.
-fn length(strips: &Strips, k: usize) -> f64 {
-    let [tip0, tip1, base1, base0] = strips.as_slice()[k].corners.map(DVec3::from_array);
-    0.5 * (tip0.distance(tip1) + base0.distance(base1))
-}
-
 /// Distance of `p` from the earlier end of strip `k`, along the slit, within the strip.
 fn along(strips: &Strips, k: usize, p: DVec3) -> f64 {
     let [tip0, tip1, base1, base0] = strips.as_slice()[k].corners.map(DVec3::from_array);
     let direction = tip1 - tip0 + base1 - base0;
     let squared = direction.length_squared();
     let t = if squared > 0.0 { 2.0 * (p - 0.5 * (tip0 + base0)).dot(direction) / squared } else { 0.0 };
-    t.clamp(0.0, 1.0) * length(strips, k)
+    t.clamp(0.0, 1.0) * strips.stretch(k).1
 }
 
 /// Adds wound particles to the lips of the new strips and sets the rest displacements of their slits.
@@ -42,11 +36,11 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
     let mut k = strips.start;
     while k < strips.end {
         let start = update.strips.slit_start(k);
-        let mut offset: f64 = (start..k).map(|i| length(update.strips, i)).sum();
+        let mut offset = update.strips.stretch(k).0;
         let slit = update.strips.as_slice()[k].slit;
         let mut room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
         while k < strips.end && update.strips.as_slice()[k].slit == slit {
-            let end = offset + length(update.strips, k);
+            let end = offset + update.strips.stretch(k).1;
             // Places at odd multiples of half the spacing from the slit's start, whatever the strips' lengths.
             let first = (offset / wound.spacing - 0.5).ceil().max(0.0);
             let places = (0..room).map(|i| (first + i as f64 + 0.5) * wound.spacing).take_while(|&s| s < end);
@@ -106,16 +100,12 @@ pub(super) fn displace_slit(
     changed: &mut Vec<ParticleId>,
 ) {
     let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * open);
-    let mut offsets = vec![0.0];
-    for k in start..strips.len() {
-        offsets.push(offsets[k - start] + length(strips, k));
-    }
     for mark in slit_marks(strips, start) {
         let (j, k) = (mark.particle.index(), mark.strip as usize);
         if j >= map.len() || map.anchors[j].is_none() || strips.as_slice()[k].slit != strips.as_slice()[start].slit {
             continue;
         }
-        let x = if open > 0.0 { ((offsets[k - start] + mark.along) / open).clamp(0.0, 1.0) } else { 1.0 };
+        let x = if open > 0.0 { ((strips.stretch(k).0 + mark.along) / open).clamp(0.0, 1.0) } else { 1.0 };
         let share = (4.0 * x * (1.0 - x)).sqrt();
         let least = LEAST_SHARE * wound.gap;
         let u0 = (strips.geometry(k).normal() * (f64::from(mark.side) * (half_gap * share).max(least))).to_array();
@@ -132,7 +122,8 @@ pub fn release_slit(map: &mut ParticleMap, strips: &Strips, wound: &WoundSetting
     let mut changed = Vec::new();
     if let Some(last) = strips.len().checked_sub(1) {
         let start = strips.slit_start(last);
-        let total: f64 = (start..strips.len()).map(|k| length(strips, k)).sum();
+        let (before, length) = strips.stretch(last);
+        let total = before + length;
         displace_slit(map, strips, wound, start, total, &mut changed);
     }
     changed

@@ -121,13 +121,36 @@ impl Matrix {
         let mut reach: f64 = 0.0;
         for (head, mass) in self.heads.iter_mut().zip(masses) {
             let blocks = &self.blocks[head.start as usize..head.end as usize];
-            let sum: f64 = blocks.iter().flat_map(|b| b.springs).map(|s| s as f64).sum();
+            let mut sum = 0.0;
+            for block in blocks {
+                for spring in block.springs {
+                    sum += f64::from(spring);
+                }
+            }
             head.gain = coupling / mass;
             head.diagonal = 1.0 + head.gain * sum;
             reach = reach.max(head.gain * sum);
         }
         self.reach = Some(reach);
         self.high = rate * (1.0 + 2.0 * reach);
+    }
+
+    /// Appends a row with springs (`(column, spring)`); columns may be rows to come. To be closed by [`Self::set_stiffness`].
+    pub fn push_row(&mut self, springs: impl Iterator<Item = (u32, f32)>) {
+        let (row, start) = (self.heads.len() as u32, self.blocks.len() as u32);
+        let mut filled = 0;
+        for (column, spring) in springs {
+            let k = filled % BLOCK;
+            if k == 0 {
+                self.blocks.push(Block { columns: [row; BLOCK], springs: [0.0; BLOCK] });
+            }
+            if let Some(block) = self.blocks.last_mut() {
+                (block.columns[k], block.springs[k]) = (column, spring);
+            }
+            filled += 1;
+        }
+        self.entries += filled;
+        self.heads.push(Head { start, end: self.blocks.len() as u32, ..Head::default() });
     }
 
     /// Appends a row without springs.

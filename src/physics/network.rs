@@ -43,7 +43,7 @@ pub struct Network {
     pub(super) moved: Vec<u32>,
     pub(super) grabs: Vec<Grab>,
     /// Empty but inside [`Self::set_grabs`].
-    released: Vec<Grab>,
+    pub(super) released: Vec<Grab>,
     pub(super) held: Vec<bool>,
     /// `u` by particle: what the rest of the program reads.
     pub(super) displacement: Vec<[f64; 3]>,

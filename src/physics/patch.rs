@@ -3,7 +3,8 @@
 //! Rows with springs come first and lone rows last. A row that changes camp is swapped across the border, which renames it in
 //! its neighbours' rows; then the changed rows are rewritten.
 
-use super::network::{Grab, Network};
+use super::matrix::{Lanes, Matrix};
+use super::network::{Grab, Network, unpadded};
 use crate::geometry::ParticleId;
 
 impl Network {
@@ -45,6 +46,74 @@ impl Network {
                 self.disturb_if_unrested(self.row_of[p] as usize);
             }
         }
+    }
+
+    /// A network of some of this one's particles, which keep state, targets and holds: `kept[new]` is the old particle, or
+    /// [`ParticleId::NONE`] for a new one, at rest at 0 with a mass of 1. `row(new)` lists the springs of each as `(other,
+    /// weight)`, in both their rows. Rows keep their order, so that neighbours stay near each other. Those away from rest are
+    /// awake. Takes time in proportion to both networks' particles and the springs that are left.
+    pub fn subset<R>(&self, kept: &[ParticleId], row: impl Fn(usize) -> R) -> Self
+    where
+        R: IntoIterator<Item = (u32, f32)>,
+    {
+        let n = kept.len();
+        let mut new_of = vec![u32::MAX; self.len()];
+        for (new, old) in kept.iter().enumerate().filter(|(_, old)| old.is_some()) {
+            new_of[old.index()] = new as u32;
+        }
+        let sound = |new: u32, (other, weight): &(u32, f32)| {
+            *other != new && (*other as usize) < n && weight.is_finite() && *weight > 0.0
+        };
+        let linked = |new: &u32| row(*new as usize).into_iter().any(|spring| sound(*new, &spring));
+        let known = self.order.iter().map(|old| new_of[*old as usize]).filter(|new| *new != u32::MAX);
+        let fresh = (0..n as u32).filter(|new| kept[*new as usize].is_none());
+        let (mut order, lone): (Vec<u32>, Vec<u32>) = known.chain(fresh).partition(linked);
+        let linked = order.len();
+        order.extend(lone);
+        let mut row_of = vec![0; n];
+        for (row, new) in order.iter().enumerate() {
+            row_of[*new as usize] = row as u32;
+        }
+        let old_row = |new: &u32| self.row_of.get(kept[*new as usize].index()).copied().unwrap_or(u32::MAX);
+        let old_rows: Vec<u32> = order.iter().map(old_row).collect();
+        let carried =
+            |values: &[Lanes]| old_rows.iter().map(|row| values.get(*row as usize).copied().unwrap_or_default()).collect();
+        let mass = |row: &u32| self.masses.get(*row as usize).copied().unwrap_or(1.0);
+        let masses: Vec<f64> = old_rows.iter().map(mass).collect();
+        let mut matrix = Matrix::default();
+        for (at, new) in order.iter().enumerate() {
+            let springs = row(*new as usize).into_iter().filter(|spring| sound(*new, spring));
+            matrix.push_row(springs.map(|(other, weight)| {
+                let other = row_of[other as usize];
+                (other, (f64::from(weight) * (0.5 * (masses[at] + masses[other as usize]))) as f32)
+            }));
+        }
+        matrix.set_stiffness(self.settings.anchor_rate(), self.settings.coupling, masses.iter().copied());
+        let renamed = |row: u32| row_of.get(new_of[self.order[row as usize] as usize] as usize).copied();
+        let mut subset = Self {
+            settings: self.settings,
+            length: self.length,
+            matrix,
+            linked,
+            masses,
+            e: carried(&self.e),
+            v: carried(&self.v),
+            rest: carried(&self.rest),
+            force: carried(&self.force),
+            next_rest: carried(&self.next_rest),
+            moved: self.moved.iter().filter_map(|row| renamed(*row)).collect(),
+            grabs: self.grabs.iter().filter_map(|grab| Some(Grab { row: renamed(grab.row)?, ..*grab })).collect(),
+            held: vec![false; n],
+            ..Self::default()
+        };
+        for grab in &subset.grabs {
+            subset.held[grab.row as usize] = true;
+        }
+        subset.displacement = row_of.iter().map(|row| unpadded(&subset.u(*row as usize)).into()).collect();
+        (subset.order, subset.row_of) = (order, row_of);
+        subset.reserve_lists(n);
+        subset.restart_activity();
+        subset
     }
 
     /// Lone rows at rest for new particles, at the end.
@@ -191,6 +260,46 @@ mod tests {
         network.set_state(ParticleId::new(a), DVec3::ONE, DVec3::ZERO);
         toggle(&mut rows, a, b, 3.0);
         assert!(agree(&network, &rows).is_err());
+    }
+
+    #[test]
+    fn a_subset_moves_as_a_network_built_anew() {
+        let mut rows: Rows = vec![Vec::new(); 30];
+        for p in 0..30usize {
+            for step in [1, 7] {
+                toggle(&mut rows, p, (p + step) % 30, 0.5 + (p % 5) as f32);
+            }
+        }
+        let mut network = Network::new(&topology(&rows), NetworkSettings::SOFT, 1e-30).unwrap();
+        for p in 0..30 {
+            network.set_state(ParticleId::new(p), DVec3::new(0.1 * p as f64, 1.0, -0.3), DVec3::X * p as f64);
+        }
+        network.set_rest_displacement(ParticleId(4), DVec3::Y);
+        network.set_grabs(&[(ParticleId(8), DVec3::Z), (ParticleId(9), DVec3::Z)]);
+        // some particles, one of them lone in the end, and a new one
+        let mut kept: Vec<ParticleId> = [0, 1, 2, 3, 4, 7, 8, 20, 25].map(ParticleId).to_vec();
+        kept.push(ParticleId::NONE);
+        let new = |old: u32| kept.iter().position(|k| k.0 == old).map(|new| new as u32);
+        let of = |k: &ParticleId| match rows.get(k.index()) {
+            Some(row) => row.iter().filter_map(|s| Some((new(s.0)?, s.1))).filter(|s| k.0 != 20 && s.0 != 7).collect(),
+            None => Vec::new(),
+        };
+        let part: Rows = kept.iter().map(of).collect();
+        let mut subset = network.subset(&kept, |p| part[p].iter().copied());
+        assert_eq!((subset.len(), subset.linked), (10, part.iter().filter(|row| !row.is_empty()).count()));
+        for (new, old) in kept.iter().enumerate().take(9) {
+            let new = ParticleId::new(new);
+            assert_eq!((subset.displacement(new), subset.velocity(new)), (network.displacement(*old), network.velocity(*old)));
+            assert_eq!(subset.is_grabbed(new), old.0 == 8);
+        }
+        subset.set_grabs(&[]);
+        assert_eq!(subset.next_rest[subset.row_of[4] as usize][1], 1.0);
+        subset.set_rest_displacement(ParticleId(4), DVec3::ZERO);
+        assert_eq!(agree(&subset, &part), Ok(()));
+        // the comparison can fail: a spring that only one of them has
+        let mut other = part.clone();
+        toggle(&mut other, 0, 5, 2.0);
+        assert!(agree(&subset, &other).is_err());
     }
 
     #[test]

@@ -14,9 +14,16 @@ pub struct Fades {
     pub end_s: f64,
     /// How long one takes, seconds; 0: offsets stay for good.
     pub duration_s: f64,
+    /// No `c` of those that run is longer, metres.
+    pub longest: f64,
 }
 
 impl Fades {
+    /// The same rules and times, for other vertices.
+    pub fn like(&self) -> Self {
+        Self { entries: Vec::new(), end_s: self.end_s, duration_s: self.duration_s, longest: self.longest }
+    }
+
     /// Weight of a fade that began at `start`: a smoothstep from 1 to 0.
     pub fn alpha(&self, start: f32, time_s: f64) -> f64 {
         if self.duration_s <= 0.0 {
@@ -46,11 +53,15 @@ impl Fades {
         if self.entries.len() < rows.len() {
             self.entries.resize(rows.len(), [0.0; 4]);
         }
+        if !self.running(time_s) {
+            self.longest = 0.0;
+        }
         let linear = pose.blended_linear(rows, v);
         // a blend that is near singular has no inverse worth using: the offset then stays in the posed frame's axes
         let inverse = if linear.determinant().abs() > 1e-9 { linear.inverse() } else { glam::DMat3::IDENTITY };
         let c = (inverse * moved).as_vec3();
         self.entries[v.index()] = [c.x, c.y, c.z, time_s as f32];
+        self.longest = self.longest.max(c.as_dvec3().length());
         self.end_s = self.end_s.max(f64::from(time_s as f32) + self.duration_s);
     }
 

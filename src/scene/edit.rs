@@ -3,7 +3,7 @@
 use super::history::{Change, Unit};
 use super::report::{EditReport, Outcome, PieceReport};
 use super::{Scene, TissueId};
-use crate::geometry::{FaceId, HalfEdge, Plane, VertexId};
+use crate::geometry::{FaceId, HalfEdge, Plane};
 use crate::physics::{RigidPose, RigidShape};
 use crate::surgery::BladePose;
 use crate::surgery::cap::CapOutcome;
@@ -279,16 +279,7 @@ impl Scene {
     ) -> Vec<TissueId> {
         let mut made = Vec::new();
         let Some(tissue) = self.tissues.get_mut(&id) else { return made };
-        let mut pieces = Vec::new();
-        report.stages.time("pieces", || {
-            let mut removed: Vec<VertexId> = parts.iter().flatten().flat_map(|&f| tissue.mesh().face(f)).collect();
-            removed.sort_unstable();
-            removed.dedup();
-            pieces.extend(parts.iter().map(|faces| tissue.extract_piece(faces)));
-            if !removed.is_empty() {
-                tissue.forget_vertices(&removed);
-            }
-        });
+        let pieces = report.stages.time("pieces", || tissue.sever(&parts));
         note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas);
         report.bytes_uploaded += deltas.iter().map(|d| d.upload_bytes()).sum::<usize>();
         report.bytes_uploaded += pieces.iter().map(Tissue::full_upload_bytes).sum::<usize>();

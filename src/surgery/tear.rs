@@ -72,6 +72,20 @@ pub struct TearStep {
     pub smallest_sine: f64,
 }
 
+impl TearStep {
+    /// Forgets everything but the buffers.
+    fn clear(&mut self) {
+        let Self { new_vertices, lips, on_end, added_faces, touched, walls, .. } = std::mem::take(self);
+        *self = Self { new_vertices, lips, on_end, added_faces, touched, walls, smallest_sine: f64::INFINITY, ..Self::default() };
+        self.new_vertices.clear();
+        self.lips.clear();
+        self.on_end.clear();
+        self.added_faces.clear();
+        self.touched.clear();
+        self.walls.clear();
+    }
+}
+
 struct Affected {
     face: FaceId,
     /// Range in the polygon arena; empty for a face that only has split edges.
@@ -85,7 +99,9 @@ pub struct TearScratch {
     pub(super) slot: Vec<u32>,
     slotted: Vec<VertexId>,
     pub(super) positions: Vec<DVec3>,
-    pub(super) values: Vec<PlaneValues>,
+    values: Vec<PlaneValues>,
+    /// Slots whose values are known.
+    valued: Vec<bool>,
     clipped: ClippedFace,
     affected: Vec<Affected>,
     points: Vec<(Point, Carrier)>,
@@ -124,7 +140,8 @@ pub fn tear_step(
     scratch: &mut TearScratch,
     out: &mut TearStep,
 ) -> bool {
-    *out = TearStep { faces_visited: candidates.len(), smallest_sine: f64::INFINITY, ..TearStep::default() };
+    out.clear();
+    out.faces_visited = candidates.len();
     scratch.begin(mesh, walls);
     scratch.clip_candidates(mesh, body, walls, candidates, position, tags);
     if scratch.affected.is_empty() && scratch.removed.is_empty() {
@@ -151,6 +168,7 @@ impl TearScratch {
         self.slotted.clear();
         self.positions.clear();
         self.values.clear();
+        self.valued.clear();
         self.affected.clear();
         self.points.clear();
         self.edge_points.clear();
@@ -173,22 +191,41 @@ impl TearScratch {
 
     /// The vertex's slot with its position and values, made when first asked for.
     pub(super) fn slot(&mut self, v: VertexId, body: &Body, position: &impl Fn(VertexId) -> DVec3, tags: &[OnPlanes]) -> usize {
+        let slot = self.placed_slot(v, position);
+        self.give_values(slot, body, tags);
+        slot
+    }
+
+    /// The vertex's slot with its position; most corners of candidates need no more.
+    fn placed_slot(&mut self, v: VertexId, position: &impl Fn(VertexId) -> DVec3) -> usize {
         let known = self.slot[v.index()];
         if known != NO_SLOT {
             return known as usize;
         }
-        let at = position(v);
         let slot = self.slotted.len();
         self.slot[v.index()] = slot as u32;
         self.slotted.push(v);
-        self.positions.push(at);
-        let tagged = tags.binary_search_by_key(&v, |t| t.vertex).map_or(0, |i| tags[i].planes);
-        let mut values = [-1.0; MAX_PLANES];
-        for (k, plane) in body.planes.iter().enumerate() {
-            values[k] = if tagged >> k & 1 == 1 { 0.0 } else { plane.value(at) };
-        }
-        self.values.push(values);
+        self.positions.push(position(v));
+        self.values.push([-1.0; MAX_PLANES]);
+        self.valued.push(false);
         slot
+    }
+
+    fn give_values(&mut self, slot: usize, body: &Body, tags: &[OnPlanes]) {
+        if std::mem::replace(&mut self.valued[slot], true) {
+            return;
+        }
+        let (v, at) = (self.slotted[slot], self.positions[slot]);
+        let tagged = tags.binary_search_by_key(&v, |t| t.vertex).map_or(0, |i| tags[i].planes);
+        for (k, plane) in body.planes.iter().enumerate() {
+            self.values[slot][k] = if tagged >> k & 1 == 1 { 0.0 } else { plane.value(at) };
+        }
+    }
+
+    /// Bits of the planes that the vertex of a slot with values lies on.
+    pub(super) fn planes_through(&self, slot: usize, body: &Body) -> u16 {
+        debug_assert!(self.valued[slot]);
+        (0..body.planes.len()).filter(|&k| self.values[slot][k] == 0.0).fold(0, |m, k| m | 1 << k)
     }
 
     fn clip_candidates(
@@ -205,12 +242,13 @@ impl TearScratch {
             if spared(&face) {
                 continue;
             }
-            let slots = mesh.face(face).map(|v| self.slot(v, body, position, tags));
+            let slots = mesh.face(face).map(|v| self.placed_slot(v, position));
             let corners = slots.map(|s| self.positions[s]);
             let (low, high) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
             if low.cmpgt(body.max).any() || high.cmplt(body.min).any() {
                 continue;
             }
+            slots.iter().for_each(|&s| self.give_values(s, body, tags));
             let values = slots.map(|s| &self.values[s]);
             if self.clipped.clip(&values, body.planes.len()) {
                 let first = self.points.len();
@@ -218,6 +256,8 @@ impl TearScratch {
                 self.affected.push(Affected { face, first, len: self.clipped.points.len() });
             }
         }
+        // so that the result does not depend on the order of the candidates
+        self.affected.sort_unstable_by_key(|a| a.face);
     }
 
     /// One vertex for each (edge, plane) crossing.

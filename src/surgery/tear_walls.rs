@@ -158,7 +158,7 @@ impl TearScratch {
             return lining.inserted_bits(v);
         }
         let slot = self.slot(v, body, position, tags);
-        (0..body.planes.len()).filter(|&k| self.values[slot][k] == 0.0).fold(0, |m, k| m | 1 << k)
+        self.planes_through(slot, body)
     }
 
     /// A corner of the body is on a lip, and may be on the end joint.

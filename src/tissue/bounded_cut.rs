@@ -19,6 +19,7 @@ impl Tissue {
         let mut step = SlitStep::default();
         let mut candidates = Vec::new();
         self.faces_near(leaf.min, leaf.max, &mut candidates);
+        candidates.sort_unstable();
         let edges = [[tip, top.unwrap_or(next_top)], [next_tip, next_top]];
         let [start, end] = edges.map(|edge| at_rest(self, &candidates, edge));
         let hit = stages.time("split", || {

@@ -122,8 +122,11 @@ impl Tissue {
             self.fade_from(new.iter().map(|n| (n.vertex, n.position)));
             return MapUpdateReport::default();
         };
-        let vertices: Vec<_> =
-            new.iter().map(|n| crate::particles::NewVertex { vertex: n.vertex, parents: n.parents.map(|p| p.0) }).collect();
+        let made = |n: &NewVertex| {
+            let parents = n.parents.map(|p| p.0);
+            crate::particles::NewVertex { vertex: n.vertex, parents, is_apart: n.parent_count == 0 }
+        };
+        let vertices: Vec<_> = new.iter().map(made).collect();
         let edit = MapEdit { new_vertices: &vertices, removed_vertices: removed, new_strips: strips, lips };
         let old_len = layer.map.influences.rows();
         let scratch = &mut self.scratch.update;
@@ -131,7 +134,7 @@ impl Tissue {
             update_after_edit(&self.mesh, &self.rest, &mut layer.map, &mut layer.strips, &edit, &layer.settings, scratch);
         let (map, network) = (&layer.map, &mut layer.network);
         let springs = |p: usize| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight));
-        network.update_springs(map.len(), &report.particles_changed, springs);
+        network.update_springs(map.len(), &report.relinked, springs);
         let displaced = |row: &[Influence]| -> DVec3 {
             row.iter().map(|i| layer.displacements()[i.particle.index()] * f64::from(i.weight)).sum()
         };

@@ -6,6 +6,7 @@ pub mod forces;
 mod history;
 pub mod measure;
 pub mod pieces;
+mod positions;
 mod sections;
 pub mod stroke;
 mod surface;
@@ -13,7 +14,7 @@ pub mod touch;
 mod walls;
 
 use crate::formats::{Material, Model};
-use crate::geometry::{FaceId, Mesh, ParticleId, StateHash, VertexId};
+use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, StateHash, VertexId};
 use crate::particles::{ParticleMap, ParticleMapDelta, ParticleSettings, Strips, StripsDelta, UpdateScratch, sample};
 use crate::physics::direct_displacement::target;
 use crate::physics::{Network, NetworkSettings, NetworkTopology, RigidPose, StepScratch};
@@ -130,6 +131,7 @@ struct TissueScratch {
     pose: PoseScratch,
     step: StepScratch,
     update: UpdateScratch,
+    extraction: Extraction,
     rest_displacements: Vec<[f64; 3]>,
     /// Held particles: id, anchor as skinned, displacement.
     held: Vec<(ParticleId, DVec3, DVec3)>,
@@ -264,7 +266,7 @@ impl Tissue {
         let network = Network::new(&topology(&map), network, self.diagonal)?;
         let (opening, opening_s) = (vec![DVec3::ZERO; map.len()], self.opening_s);
         let mut strips = Strips::default();
-        strips.prepare(&self.mesh, &self.rest, &map, &settings);
+        strips.prepare(&self.rest, &map, &settings);
         let truncation_error = report.truncation_error;
         Ok(SoftLayer { settings, map, strips, network, opening, opening_s, truncation_error, particle_mass: 1.0 })
     }

@@ -1,10 +1,18 @@
 //! Taking a tissue apart into connected pieces (MATHS 6). A piece copies the base parents that its rows use.
+//!
+//! The work is linear in what leaves: arrays are gathered through tables that tell where each thing went, sections keep their
+//! bounds, and the particles' matrix is cut out of the parent's.
 
-use super::{SoftLayer, Tissue, topology};
-use crate::geometry::{Components, Extraction, FaceId, ParticleId, SlotCsr, TopologyScratch, VertexId};
-use crate::physics::Network;
+use super::{SoftLayer, Tissue};
+use crate::geometry::{Components, Extraction, FaceId, ParticleId, VertexId};
+use crate::particles::{Influence, ParticleMap, RowBefore};
 use crate::rig::{Fades, RowEntry, VertexRows};
 use glam::DVec3;
+
+/// A piece whose sections are on average this much emptier than they may be gets new ones.
+const SPARSE: usize = 4;
+/// From this share of changed particles on, the network is cut out anew: one in so many.
+const MANY_CHANGED: usize = 8;
 
 impl Tissue {
     /// Faces of each connected component, ascending; components by their lowest face.
@@ -13,92 +21,125 @@ impl Tissue {
         (0..found.count()).map(|c| found.faces(c).to_vec()).collect()
     }
 
-    /// Moves `faces` (one or more whole components, ascending) into a tissue of their own, with the particles anchored
-    /// there. What a vertex was moved by, and no longer is, fades out from where it stood (MATHS 2.2). To be followed by
-    /// [`Tissue::forget_vertices`] on what is left.
-    pub fn extract_piece(&mut self, faces: &[FaceId]) -> Tissue {
-        let parents = row_parents(&self.rows, faces.iter().flat_map(|&f| self.mesh.face(f)));
-        let (mesh, map) = self.mesh.extract(faces, &parents);
-        let rows = extract_rows(&self.rows, &map);
-        let kept_fade = |v: &VertexId| self.fades.entries.get(v.index()).copied().unwrap_or_default();
-        let entries = if self.fades.entries.is_empty() { Vec::new() } else { map.vertex_from.iter().map(kept_fade).collect() };
+    /// Moves each of `parts` (one or more whole components, faces ascending) into a tissue of its own, with the particles that
+    /// hold its vertices; particles that hold vertices on both sides go on in both. Every vertex stays where it is: what moved
+    /// it and no longer does fades out (MATHS 2.2).
+    pub fn sever(&mut self, parts: &[Vec<FaceId>]) -> Vec<Tissue> {
+        let mut map = std::mem::take(&mut self.scratch.extraction);
+        let mut gone = Vec::new();
+        let mut pieces = Vec::with_capacity(parts.len());
+        for faces in parts.iter().filter(|faces| !faces.is_empty()) {
+            let piece = self.extract(faces, &mut map);
+            let first = gone.len();
+            gone.reserve(map.vertex_from.len());
+            gone.extend(piece.mesh.live_vertices().map(|v| map.vertex_from[v.index()]));
+            self.mesh.remove_components(faces, gone[first..].iter().copied());
+            pieces.push(piece);
+        }
+        self.scratch.extraction = map;
+        if !pieces.is_empty() {
+            self.forget(&gone);
+        }
+        pieces
+    }
+
+    /// A tissue of `faces`. They stay here as well.
+    fn extract(&self, faces: &[FaceId], map: &mut Extraction) -> Tissue {
+        let rows = &self.rows;
+        let mesh = self.mesh.extract(faces, |v| rows.rows.row(v.index()).iter().map(|e| e.base), map);
+        let known = |v: &VertexId| self.fades.entries.get(v.index()).copied().unwrap_or_default();
+        let entries = if self.fades.entries.is_empty() { Vec::new() } else { map.vertex_from.iter().map(known).collect() };
         let mut piece = Tissue {
             name: self.name.clone(),
             mesh,
-            rows,
+            rows: extract_rows(rows, map),
             rest: map.vertex_from.iter().map(|&v| self.rest[v.index()]).collect(),
             rig: self.rig.clone(),
             materials: self.materials.clone(),
             layer: None,
-            fades: Fades { entries, ..self.fades.clone() },
+            fades: Fades { entries, ..self.fades.like() },
             pose: self.pose.clone(),
-            sections: Default::default(),
+            sections: self.sections.extract(&map.section_from),
             scratch: Default::default(),
             touch: Default::default(),
             forces: self.forces.fresh(),
             ..*self
         };
-        piece.build_sections();
-        if let Some(layer) = &self.layer {
-            let targets: Vec<(VertexId, DVec3)> =
-                piece.mesh.live_vertices().map(|v| (v, self.position(map.vertex_from[v.index()]))).collect();
-            piece.layer = layer.extract(&piece, &map);
-            piece.fade_from(targets.into_iter());
+        if piece.mesh.sections() > SPARSE * (1 + faces.len() / self.section_faces.max(1)) {
+            piece.build_sections();
         }
-        piece.discard_delta();
-        self.mesh.remove_faces(faces, &mut TopologyScratch::default());
+        if let Some(layer) = &self.layer {
+            let (own, rows_before) = layer.extract(&piece, map, &self.rest);
+            piece.layer = Some(own);
+            piece.hold_changed(&rows_before);
+        }
         piece
     }
 
-    /// After pieces have left: particles anchored there go, and what they moved is taken over by others, with fades that hold
-    /// every vertex. `removed` lists the vertices that no face uses any more.
-    pub fn forget_vertices(&mut self, removed: &[VertexId]) {
-        self.update_map(&[], removed, 0..0, &[]);
+    /// After pieces have left with the vertices `gone`: particles that hold nothing else go too.
+    fn forget(&mut self, gone: &[VertexId]) {
+        let Some(layer) = &mut self.layer else { return };
+        let done = layer.map.forget(&self.mesh, &self.rest, &mut layer.strips, gone.iter().copied());
+        let (len, before, map) = (layer.map.len(), layer.network.len(), &layer.map);
+        if MANY_CHANGED * done.particles_changed.len() < len {
+            layer.network.update_springs(len, &done.particles_changed, |p| springs(map, p));
+        } else {
+            let old = |j: usize| if j < before { ParticleId::new(j) } else { ParticleId::NONE };
+            let kept: Vec<ParticleId> = (0..len).map(old).collect();
+            layer.network = layer.network.subset(&kept, |p| springs(map, p));
+        }
+        self.hold_changed(&done.rows_before);
     }
-}
 
-/// Base vertices that the rows of `vertices` combine, ascending.
-fn row_parents(rows: &VertexRows, vertices: impl Iterator<Item = VertexId>) -> Vec<VertexId> {
-    let mut parents: Vec<VertexId> = vertices.flat_map(|v| rows.rows.row(v.index())).map(|e| e.base).collect();
-    parents.sort_unstable();
-    parents.dedup();
-    parents
+    /// Vertices whose influences have changed from `before` stay where they stood.
+    fn hold_changed(&mut self, before: &[RowBefore]) {
+        let Some(layer) = &self.layer else { return };
+        let displaced = |row: &[Influence]| -> DVec3 {
+            row.iter().map(|i| layer.displacements()[i.particle.index()] * f64::from(i.weight)).sum()
+        };
+        let moved = |(v, row): &RowBefore| {
+            let by = displaced(row) - displaced(layer.map.influences.row(v.index()));
+            (*v, self.position(*v) + by)
+        };
+        let targets: Vec<(VertexId, DVec3)> = before.iter().map(moved).collect();
+        self.fade_from(targets.into_iter());
+    }
 }
 
 fn extract_rows(rows: &VertexRows, map: &Extraction) -> VertexRows {
-    let row = |v: VertexId| -> Vec<RowEntry> {
-        rows.rows.row(v.index()).iter().map(|e| RowEntry { base: map.vertex_to[e.base.index()], ..*e }).collect()
-    };
-    let kept: Vec<Vec<RowEntry>> = map.vertex_from.iter().map(|&v| row(v)).collect();
+    let all = map.vertex_from.iter().map(|v| Some(v.index()));
     VertexRows {
         rest_position: map.vertex_from.iter().map(|v| rows.rest_position[v.index()]).collect::<Vec<_>>().into(),
-        rows: SlotCsr::from_rows(kept.iter().map(Vec::as_slice)),
-        bones: SlotCsr::from_rows(map.vertex_from.iter().map(|v| rows.bones.row(v.index()))),
+        rows: rows.rows.gather(all.clone(), |e| RowEntry { base: map.vertex_to[e.base.index()], ..*e }),
+        bones: rows.bones.gather(all, |bone| *bone),
     }
 }
 
+/// The springs of a particle, as the network wants them.
+fn springs(map: &ParticleMap, p: usize) -> impl Iterator<Item = (u32, f32)> + '_ {
+    map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight))
+}
+
 impl SoftLayer {
-    /// The layer of a piece: the particles anchored in it, with their displacements and velocities.
-    fn extract(&self, piece: &Tissue, map: &Extraction) -> Option<SoftLayer> {
-        let mut strips = self.strips.extract(&map.vertex_from, &[]);
-        let (particles, kept) = self.map.extract(&piece.mesh, &piece.rest, &strips, &map.vertex_from);
-        strips = self.strips.extract(&map.vertex_from, &kept);
-        let mut network = Network::new(&topology(&particles), self.network.settings(), piece.diagonal).ok()?;
-        for (new, old) in kept.iter().enumerate().filter(|(_, old)| old.is_some()) {
-            let new = ParticleId::new(new);
-            network.set_state(new, self.network.displacement(*old), self.network.velocity(*old));
-        }
+    /// The layer of a piece, with the displacements and velocities of its particles, and the rows of its vertices that changed.
+    fn extract(&self, piece: &Tissue, map: &Extraction, rest: &[DVec3]) -> (SoftLayer, Vec<RowBefore>) {
+        let mut strips = self.strips.extract(&map.vertex_from);
+        let vertices = (&map.vertex_from[..], &map.vertex_to[..]);
+        let part = self.map.extract((&piece.mesh, &piece.rest, &strips), vertices, rest);
+        strips.take_wounds(&self.strips, &part.from);
+        let mut network = self.network.subset(&part.from, |p| springs(&part.map, p));
+        network.set_grabs(&[]);
         let opened = |old: &ParticleId| self.opening.get(old.index()).copied().unwrap_or_default();
-        let opening = kept.iter().map(opened).collect();
-        Some(SoftLayer {
-            opening,
+        let layer = SoftLayer {
+            opening: part.from.iter().map(opened).collect(),
             opening_s: self.opening_s,
             settings: self.settings,
-            map: particles,
+            map: part.map,
             strips,
             network,
             truncation_error: self.truncation_error,
             particle_mass: self.particle_mass,
-        })
+        };
+        (layer, part.rows_before)
     }
 }

@@ -94,6 +94,17 @@ impl SectionBounds {
         }
     }
 
+    /// The bounds of some sections, for a piece that they come along with. They hold what is left of each, and may hold more.
+    pub fn extract(&self, sections: &[SectionId]) -> Self {
+        let mut part = Self { start: vec![0], posed_version: self.posed_version, ..Self::default() };
+        for s in sections.iter().map(|s| s.index()).filter(|&s| s < self.len()) {
+            part.joints.extend_from_slice(&self.joints[self.start[s] as usize..self.start[s + 1] as usize]);
+            part.start.push(part.joints.len() as u32);
+            part.posed.extend(self.posed.get(s));
+        }
+        part
+    }
+
     /// Number of sections.
     fn len(&self) -> usize {
         self.start.len().saturating_sub(1)

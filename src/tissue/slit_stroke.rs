@@ -89,6 +89,7 @@ impl TearStroke {
         let (low, high) = (c.into_iter().fold(c[0], DVec3::min) - margin, c.into_iter().fold(c[0], DVec3::max) + margin);
         let (hit, [start, end]) = report.stages.time("perform_tear", || {
             tissue.faces_near(low, high, &mut self.candidates);
+            self.candidates.sort_unstable();
             let SlitState { scratch, step, .. } = &mut self.slits;
             // at rest while every vertex of the candidates still has a row
             let edges = [[c[0], c[3]], [c[1], c[2]]].map(|edge| at_rest(tissue, &self.candidates, edge));
@@ -108,6 +109,8 @@ impl TearStroke {
             report.opened_edges = step.opened_edges;
             let corners = [start[0], end[0], end[1], start[1]];
             let update = bind_slit(tissue, step, corners, self.slit, &mut report.stages);
+            let made = self.slits.step.new_vertices.iter().map(|n| n.vertex);
+            self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
             report.wound_particles = update.particles_added.len();
             let delta = report.stages.time("update_mesh", || tissue.take_delta());
             self.deltas.push(delta);
@@ -143,6 +146,7 @@ impl TearStroke {
             let others = std::mem::take(&mut step.tags);
             step.tags.extend([OnLines { vertex: from, lines: line::START }, OnLines { vertex: to, lines: line::END }]);
             tissue.faces_near(leaf.min, leaf.max, &mut self.candidates);
+            self.candidates.sort_unstable();
             let (mesh, posed) = tissue.split_borrow();
             slit_more(mesh, &[leaf], &self.candidates, &|v| posed.position(v), scratch, step);
             step.tags = others;
@@ -178,7 +182,7 @@ pub(in crate::tissue) fn bind_slit(
 
 /// Two points carried to rest space by the surface vertex nearest to the second.
 pub(in crate::tissue) fn at_rest(tissue: &Tissue, faces: &[FaceId], [tip, top]: [DVec3; 2]) -> [DVec3; 2] {
-    match nearest_vertex(tissue, faces, top) {
+    match nearest_vertex(tissue, faces, top, &|v| tissue.position(v)) {
         Some(v) => [tip, top].map(|p| tissue.to_rest(v, p)),
         None => [tip, top],
     }

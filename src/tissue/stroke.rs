@@ -3,6 +3,7 @@
 #[path = "slit_stroke.rs"]
 mod slit_stroke;
 
+use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
 use crate::diagnostics::Stages;
 use crate::geometry::{FaceId, Plane, VertexId};
@@ -15,6 +16,7 @@ use crate::surgery::{BladePose, EntryPoint, Sampling, Side, Slit, Stroke, TearBo
 use glam::{DMat3, DVec3};
 use slit_stroke::SlitState;
 pub(super) use slit_stroke::{at_rest, bind_slit};
+use std::cell::RefCell;
 
 /// Sides whose two triangles are this flat, as a fraction of the diagonal, are one plane.
 const FLAT_SIDE: f64 = 1e-9;
@@ -29,6 +31,10 @@ pub struct SegmentReport {
     pub new_vertices: usize,
     /// Faces looked at.
     pub faces_visited: usize,
+    /// Vertices that the update of the particle map looked at.
+    pub vertices_visited: usize,
+    /// Bytes of the entries that a mirror has to follow.
+    pub bytes_changed: usize,
     /// Crossings of planes with edges and faces.
     pub intersection_points: usize,
     /// Area taken out, square metres.
@@ -69,6 +75,7 @@ pub struct TearStroke {
     /// Vertices that the last box touched or made, as far as they live.
     near: Vec<VertexId>,
     scratch: TearScratch,
+    positions: PositionCache,
     step: TearStep,
     boxes: Vec<TearBox>,
     slits: SlitState,
@@ -98,6 +105,7 @@ impl TearStroke {
             candidates: Vec::new(),
             near: Vec::new(),
             scratch: TearScratch::default(),
+            positions: PositionCache::default(),
             step: TearStep::default(),
             boxes: Vec::new(),
             slits: SlitState::default(),
@@ -121,9 +129,9 @@ impl TearStroke {
     /// end has come (MATHS 5.4).
     pub fn push(&mut self, tissue: &mut Tissue, pose: BladePose) {
         tissue.refresh_sections();
+        self.positions.refresh(tissue);
         self.follow_tissue(tissue);
-        let surface = |tip, base| entry(tissue, tip, base);
-        self.stroke.push(pose, &surface, &mut self.segments);
+        self.stroke.push(pose, &entries(tissue, &self.positions, &mut self.candidates), &mut self.segments);
         self.tear_segments(tissue);
         self.tie_quads(tissue);
     }
@@ -131,9 +139,9 @@ impl TearStroke {
     /// Ends the stroke where the blade is.
     pub fn release(&mut self, tissue: &mut Tissue) {
         tissue.refresh_sections();
+        self.positions.refresh(tissue);
         self.follow_tissue(tissue);
-        let surface = |tip, base| entry(tissue, tip, base);
-        self.stroke.release(&surface, &mut self.segments);
+        self.stroke.release(&entries(tissue, &self.positions, &mut self.candidates), &mut self.segments);
         self.tear_segments(tissue);
         if let Some(layer) = tissue.layer.as_mut().filter(|l| self.has_torn() && l.strips.next_slit() > self.slit) {
             release_slit(&mut layer.map, &layer.strips, &layer.settings.wound);
@@ -161,7 +169,7 @@ impl TearStroke {
 
     /// Ties the pending quads to the nearest live vertices. A tie whose vertex lives is kept.
     fn tie_quads(&mut self, tissue: &Tissue) {
-        let Self { stroke, ties, near, candidates, .. } = self;
+        let Self { stroke, ties, near, candidates, positions, .. } = self;
         let pending = stroke.builder().pending_quads_mut();
         let mut kept = 0;
         for (serial, quad) in pending {
@@ -174,8 +182,9 @@ impl TearStroke {
             let top = (quad[2] + quad[3]) / 2.0;
             // the blade may have gone elsewhere since the last box
             let reach = 2.0 * quad[0].distance(quad[2]);
-            let close = nearest_of(tissue, near, top).filter(|&v| tissue.position(v).distance(top) <= reach);
-            let nearest = || close.or_else(|| nearest_vertex(tissue, candidates, top));
+            let seen = |v| positions.of(tissue, v);
+            let close = nearest_of(tissue, near, top, &seen).filter(|&v| seen(v).distance(top) <= reach);
+            let nearest = || close.or_else(|| nearest_vertex(tissue, candidates, top, &seen));
             if let Some(vertex) = nearest().or_else(|| tissue.any_vertex_near(top)) {
                 let rest = quad.map(|p| tissue.to_rest(vertex, p));
                 ties.insert(kept, Tie { serial, vertex, rest, posed: rest.map(|p| tissue.to_posed(vertex, p)) });
@@ -242,16 +251,16 @@ impl TearStroke {
         let hit = report.stages.time("perform_tear", || {
             tissue.faces_near(low - margin, high + margin, &mut self.candidates);
             let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
-            let at = tear_box.blades[1][1];
+            let (at, seen) = (tear_box.blades[1][1], &self.positions);
             let walls = (self.wall == WallMode::Closed).then(|| WallSpec {
                 facets: &planes.facets,
                 remove: &self.end_wall,
                 keep: &self.other_walls,
                 material,
-                rest_from_posed: rest_from_posed(tissue, nearest_vertex(tissue, &self.candidates, at)),
+                rest_from_posed: rest_from_posed(tissue, nearest_vertex(tissue, &self.candidates, at, &|v| seen.of(tissue, v))),
             });
             let (mesh, posed) = tissue.split_borrow();
-            let position = |v| posed.position(v);
+            let position = |v| seen.get(v, || posed.position(v));
             tear_step(mesh, &body, walls.as_ref(), &self.candidates, &position, &tags, &mut self.scratch, &mut self.step)
         });
         report.faces_visited = self.step.faces_visited;
@@ -322,11 +331,15 @@ impl TearStroke {
             let strips = strip.map_or(0..0, |s| s..s + 1);
             tissue.update_map(&self.step.new_vertices, &removed, strips, &lips)
         });
+        let made = self.step.new_vertices.iter().map(|n| n.vertex);
+        self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
         report.wound_particles = update.particles_added.len();
+        report.vertices_visited = update.vertices_visited;
         let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
         report.wall_deviation = corners.map(|n| tissue.held_by(n.vertex)).fold(0.0, f64::max);
         tissue.versions.structure += 1;
         let delta = report.stages.time("update_mesh", || tissue.take_delta());
+        report.bytes_changed = delta.upload_bytes();
         self.deltas.push(delta);
         end
     }
@@ -334,7 +347,8 @@ impl TearStroke {
     /// The blade `[tip, top]` at one end of a box, carried to rest space by the nearest surface vertex.
     fn rest_edge(&self, tissue: &Tissue, tear_box: &TearBox, end: usize) -> [DVec3; 2] {
         let [tip, top] = tear_box.blades[end];
-        match nearest_of(tissue, &self.near, top).or_else(|| nearest_vertex(tissue, &self.candidates, top)) {
+        let seen = |v| self.positions.of(tissue, v);
+        match nearest_of(tissue, &self.near, top, &seen).or_else(|| nearest_vertex(tissue, &self.candidates, top, &seen)) {
             Some(v) => [tip, top].map(|p| tissue.to_rest(v, p)),
             None => [tip, top],
         }
@@ -353,23 +367,32 @@ fn is_buried(tissue: &Tissue, tear_box: &TearBox) -> bool {
     tissue.blade_entry(outside, centre).is_some_and(|(s, _)| s == 0.0)
 }
 
-/// The vertex of `faces` that is seen nearest to `p`; dead faces are passed over.
-fn nearest_vertex(tissue: &Tissue, faces: &[FaceId], p: DVec3) -> Option<VertexId> {
-    nearest(tissue, faces.iter().filter(|f| tissue.mesh.is_live(**f)).flat_map(|&f| tissue.mesh.face(f)), p)
+/// The vertex of `faces` that is seen nearest to `p`; dead faces are passed over. `position` gives final positions.
+fn nearest_vertex(tissue: &Tissue, faces: &[FaceId], p: DVec3, position: &impl Fn(VertexId) -> DVec3) -> Option<VertexId> {
+    nearest(faces.iter().filter(|f| tissue.mesh.is_live(**f)).flat_map(|&f| tissue.mesh.face(f)), p, position)
 }
 
 /// The live one of `vertices` that is seen nearest to `p`.
-fn nearest_of(tissue: &Tissue, vertices: &[VertexId], p: DVec3) -> Option<VertexId> {
-    nearest(tissue, vertices.iter().copied().filter(|&v| tissue.mesh.vertex_is_live(v)), p)
+fn nearest_of(tissue: &Tissue, vertices: &[VertexId], p: DVec3, position: &impl Fn(VertexId) -> DVec3) -> Option<VertexId> {
+    nearest(vertices.iter().copied().filter(|&v| tissue.mesh.vertex_is_live(v)), p, position)
 }
 
-fn nearest(tissue: &Tissue, vertices: impl Iterator<Item = VertexId>, p: DVec3) -> Option<VertexId> {
-    let near = vertices.map(|v| (tissue.position(v).distance_squared(p), v));
+fn nearest(vertices: impl Iterator<Item = VertexId>, p: DVec3, position: &impl Fn(VertexId) -> DVec3) -> Option<VertexId> {
+    let near = vertices.map(|v| (position(v).distance_squared(p), v));
     near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|n| n.1)
 }
 
-fn entry(tissue: &Tissue, tip: DVec3, base: DVec3) -> Option<EntryPoint> {
-    tissue.blade_entry(tip, base).map(|(s, _)| EntryPoint { s, rise: 0.0 })
+/// Where blades enter the tissue as it is now.
+fn entries<'a>(
+    tissue: &'a Tissue,
+    positions: &'a PositionCache,
+    faces: &'a mut Vec<FaceId>,
+) -> impl Fn(DVec3, DVec3) -> Option<EntryPoint> + 'a {
+    let faces = RefCell::new(faces);
+    move |tip, base| {
+        let found = tissue.blade_entry_at(tip, base, &mut faces.borrow_mut(), |v| positions.of(tissue, v));
+        found.map(|(s, _)| EntryPoint { s, rise: 0.0 })
+    }
 }
 
 /// Turns normals near a vertex into normals at rest: the transpose of the blended matrix (MATHS 2.3).

@@ -6,8 +6,8 @@ use crate::geometry::{FaceId, Plane, SectionId, VertexId};
 use glam::DVec3;
 
 impl Tissue {
-    /// Faces of the sections whose posed bounds, widened by all displacements, meet `low..high` (tissue space). Sorted. Call
-    /// [`Tissue::refresh_sections`] first.
+    /// Faces of the sections whose posed bounds, widened by all displacements, meet `low..high` (tissue space), section by section.
+    /// Call [`Tissue::refresh_sections`] first.
     pub(super) fn faces_near(&self, low: DVec3, high: DVec3, out: &mut Vec<FaceId>) {
         out.clear();
         let widen = self.widening();
@@ -17,7 +17,6 @@ impl Tissue {
                 out.extend(self.mesh.section_faces(SectionId::new(s)));
             }
         }
-        out.sort_unstable();
     }
 
     /// Bounds that hold the tissue as it is seen, from those of its sections: no vertex is posed. Call
@@ -77,12 +76,11 @@ impl Tissue {
             low -= u_low;
         }
         if self.fades.running(self.time_s) {
-            let longest = self.fades.entries.iter().map(|c| f64::from(c[0]).hypot(f64::from(c[1])).hypot(f64::from(c[2])));
             let stretch = self.pose.joint_matrices.iter().map(|m| {
                 let l = m.linear();
                 l.x_axis.length_squared() + l.y_axis.length_squared() + l.z_axis.length_squared()
             });
-            let reach = longest.fold(0.0, f64::max) * stretch.fold(1.0, f64::max).sqrt();
+            let reach = self.fades.longest * stretch.fold(1.0, f64::max).sqrt();
             high += reach;
             low += reach;
         }
@@ -92,19 +90,28 @@ impl Tissue {
     /// Where the segment `base -> tip` first meets the surface: parameter 0 to 1 from the base, and the face. Touching counts.
     /// A base that lies inside a closed surface gives 0.
     pub fn blade_entry(&self, tip: DVec3, base: DVec3) -> Option<(f64, FaceId)> {
-        let mut faces = Vec::new();
-        self.faces_near(tip.min(base), tip.max(base), &mut faces);
+        self.blade_entry_at(tip, base, &mut Vec::new(), |v| self.position(v))
+    }
+
+    /// [`Tissue::blade_entry`] with a buffer and known positions.
+    pub(super) fn blade_entry_at(
+        &self,
+        tip: DVec3,
+        base: DVec3,
+        faces: &mut Vec<FaceId>,
+        position: impl Fn(VertexId) -> DVec3,
+    ) -> Option<(f64, FaceId)> {
+        self.faces_near(tip.min(base), tip.max(base), faces);
         let mut first: Option<(f64, FaceId)> = None;
-        for f in faces {
-            let corners = self.mesh.face(f).map(|v| self.position(v));
-            if let Some(s) = segment_triangle(base, tip, corners)
-                && first.is_none_or(|(best, _)| s < best)
+        for &f in faces.iter() {
+            if let Some(s) = segment_triangle(base, tip, self.mesh.face(f).map(&position))
+                && first.is_none_or(|best| (s, f) < best)
             {
                 first = Some((s, f));
             }
         }
         let (s, f) = first?;
-        let [a, b, c] = self.mesh.face(f).map(|v| self.position(v));
+        let [a, b, c] = self.mesh.face(f).map(&position);
         let leaves = (b - a).cross(c - a).dot(tip - base) > 0.0;
         Some((if leaves { 0.0 } else { s }, f))
     }

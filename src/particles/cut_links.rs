@@ -1,0 +1,137 @@
+//! The links that a new strip cuts (MATHS 3.2).
+//!
+//! Which influences cross it? A particle throws the strip's shadow on what lies behind it, and only the vertices in there are
+//! looked at. Where a known side stands in for geometry there is no shadow, and all that such an end links to is tested.
+
+use super::map_update::{Update, UpdateScratch};
+use super::strip_test::StripGeometry;
+use crate::geometry::ParticleId;
+use std::ops::Range;
+
+/// Outcodes of particles to one strip, in an array that is clean between uses.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Codes {
+    codes: Vec<u16>,
+    set: Vec<ParticleId>,
+}
+
+impl Codes {
+    /// All bits set: parted from everything.
+    fn begin(&mut self, particles: usize) {
+        for j in self.set.drain(..) {
+            self.codes[j.index()] = u16::MAX;
+        }
+        if self.codes.len() < particles {
+            self.codes.resize(particles, u16::MAX);
+        }
+    }
+
+    fn set(&mut self, j: ParticleId, code: u16) {
+        self.codes[j.index()] = code;
+        self.set.push(j);
+    }
+
+    fn of(&self, j: ParticleId) -> u16 {
+        self.codes[j.index()]
+    }
+
+    /// True if the link between a point with `code` and a particle does not cross the strip.
+    #[inline]
+    fn part(&self, code: u16, j: ParticleId) -> bool {
+        StripGeometry::codes_part(code, self.codes[j.index()])
+    }
+}
+
+impl Update<'_, '_> {
+    /// The new strips, as far as they exist.
+    fn new_strips(&self) -> Range<usize> {
+        let last = self.strips.len();
+        self.edit.new_strips.start.min(last)..self.edit.new_strips.end.min(last)
+    }
+
+    /// Influences of old vertices and neighbour links that cross a new strip.
+    pub(super) fn cut_links(&mut self) {
+        for k in self.new_strips() {
+            self.cut_behind_strip(k);
+            self.cut_unshadowed(k);
+            self.cut_neighbours(k);
+        }
+    }
+
+    /// Influences of the particles near strip `k` on what is behind it; their outcodes are kept for their neighbour links.
+    fn cut_behind_strip(&mut self, k: usize) {
+        let Self { mesh, rest, settings, .. } = *self;
+        let (map, strips, report) = (&*self.map, &*self.strips, &mut self.report);
+        let UpdateScratch { rows, codes, near, .. } = &mut *self.scratch;
+        let geometry = strips.geometry(k);
+        codes.begin(map.len());
+        for &j in near.iter() {
+            let anchor = map.anchors[j.index()];
+            let (at, radius) = (rest[anchor.index()], settings.radius_of(map, j));
+            let own = strips.code_of_anchor(k, rest, anchor);
+            codes.set(j, own);
+            let bounds = if own == 0 { Some((at - radius, at + radius)) } else { geometry.shadow(at, radius) };
+            let Some((low, high)) = bounds else { continue };
+            strips.places.holders.visit(j, low, high, |v| {
+                report.vertices_visited += 1;
+                let Some(&p) = rest.get(v.index()) else { return };
+                if p.cmplt(low).any() || p.cmpgt(high).any() || geometry.parts(own, p) {
+                    return;
+                }
+                if v.index() < map.influences.rows()
+                    && map.influences.row(v.index()).iter().any(|i| i.particle == j)
+                    && mesh.vertex_is_live(v)
+                    && strips.crosses(k, rest, v, anchor)
+                {
+                    report.influences_removed += usize::from(rows.open(v, map).remove(j));
+                }
+            });
+        }
+    }
+
+    /// Influences of vertices that know their side of strip `k`, and those beyond the radius of their particle.
+    fn cut_unshadowed(&mut self, k: usize) {
+        let Self { mesh, rest, .. } = *self;
+        let (map, strips, report) = (&*self.map, &*self.strips, &mut self.report);
+        let UpdateScratch { rows, .. } = &mut *self.scratch;
+        let lips = strips.lips_near(k).filter(|&&v| v.index() < rest.len() && strips.knows_side(k, v));
+        for &v in lips.chain(&strips.places.far) {
+            if v.index() >= map.influences.rows() || !mesh.vertex_is_live(v) {
+                continue;
+            }
+            for influence in map.influences.row(v.index()) {
+                let j = influence.particle;
+                if strips.crosses(k, rest, v, map.anchors[j.index()]) {
+                    report.influences_removed += usize::from(rows.open(v, map).remove(j));
+                }
+            }
+        }
+    }
+
+    /// Neighbour links that cross strip `k`.
+    fn cut_neighbours(&mut self, k: usize) {
+        for i in 0..self.scratch.near.len() {
+            let j = self.scratch.near[i];
+            let anchor = self.map.anchors[j.index()];
+            let row = self.map.neighbours.row(j.index());
+            let UpdateScratch { codes, links, .. } = &mut *self.scratch;
+            let own = codes.of(j);
+            links.clear();
+            links.extend(row.iter().filter(|link| {
+                let other = self.map.anchors[link.particle.index()];
+                codes.part(own, link.particle) || !self.strips.crosses(k, self.rest, anchor, other)
+            }));
+            if links.len() == row.len() {
+                continue;
+            }
+            // Both rows lose the link now: a lip of the strip before may be known to lie across and yet be out of reach.
+            let lost: Vec<ParticleId> = row.iter().filter(|link| !links.contains(link)).map(|link| link.particle).collect();
+            self.map.neighbours.set_row(j.index(), links);
+            self.report.links_removed += lost.len();
+            self.report.relinked.push(j);
+            for other in lost {
+                self.remove_link(other, j);
+            }
+        }
+    }
+}

@@ -1,0 +1,90 @@
+//! The particle map's influences the other way round: the vertices that each particle holds, in blocks with bounds.
+
+use super::particle_map::ParticleMap;
+use crate::geometry::{ParticleId, VertexId};
+use glam::DVec3;
+
+/// Vertices a block.
+const BLOCK: usize = 16;
+
+/// Vertices by particle. A superset, which makes it cheap to keep: what a particle has once held stays listed, so undo and redo change
+/// nothing here, and who asks looks at the map too.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Holders {
+    lists: Vec<Held>,
+}
+
+/// What one particle holds or has held.
+#[derive(Clone, Debug, Default)]
+struct Held {
+    vertices: Vec<VertexId>,
+    /// Bounds of each block of vertices at rest, rounded outwards.
+    bounds: Vec<[[f32; 3]; 2]>,
+}
+
+impl Holders {
+    /// From all influences of a map; blocks are of vertices that lie near each other.
+    pub(super) fn build(map: &ParticleMap, rest: &[DVec3]) -> Self {
+        let rows = map.influences.rows().min(rest.len());
+        let (low, high) = rest[..rows].iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), &p| (l.min(p), h.max(p)));
+        let scale = 1023.0 / (high - low).max_element().max(f64::MIN_POSITIVE);
+        let mut order: Vec<(u32, u32)> = (0..rows).map(|v| (along_curve((rest[v] - low) * scale), v as u32)).collect();
+        order.sort_unstable();
+        let mut holders = Self::default();
+        for (_, v) in order {
+            for influence in map.influences.row(v as usize) {
+                holders.push(influence.particle, VertexId(v), rest[v as usize]);
+            }
+        }
+        holders
+    }
+
+    /// Notes that `j` holds `v`, which is at `at`.
+    pub(super) fn push(&mut self, j: ParticleId, v: VertexId, at: DVec3) {
+        if self.lists.len() <= j.index() {
+            self.lists.resize(j.index() + 1, Held::default());
+        }
+        let list = &mut self.lists[j.index()];
+        if list.vertices.len().is_multiple_of(BLOCK) {
+            list.bounds.push([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]]);
+        }
+        list.vertices.push(v);
+        if let Some([low, high]) = list.bounds.last_mut() {
+            for d in 0..3 {
+                low[d] = low[d].min((at[d] as f32).next_down());
+                high[d] = high[d].max((at[d] as f32).next_up());
+            }
+        }
+    }
+
+    /// True if `j` is known to hold `v`, at `at`.
+    pub(super) fn lists(&self, j: ParticleId, v: VertexId, at: DVec3) -> bool {
+        let mut is_listed = false;
+        self.visit(j, at, at, |w| is_listed |= w == v);
+        is_listed
+    }
+
+    /// Calls `found` for the vertices of the particle's blocks that meet a box, in the order they were noted; some lie outside, some
+    /// come twice, some are held no more.
+    pub(super) fn visit(&self, j: ParticleId, low: DVec3, high: DVec3, mut found: impl FnMut(VertexId)) {
+        let Some(list) = self.lists.get(j.index()) else { return };
+        for (block, [from, to]) in list.vertices.chunks(BLOCK).zip(&list.bounds) {
+            let apart = (0..3).any(|d| f64::from(from[d]) > high[d] || f64::from(to[d]) < low[d]);
+            if !apart {
+                block.iter().for_each(|&v| found(v));
+            }
+        }
+    }
+}
+
+/// Place along the Z-order curve of a point with coordinates from 0 to 1023; others are clamped.
+fn along_curve(p: DVec3) -> u32 {
+    let spread = |x: f64| {
+        let mut x = (x as u32).min(1023);
+        x = (x | x << 16) & 0x0300_00ff;
+        x = (x | x << 8) & 0x0300_f00f;
+        x = (x | x << 4) & 0x030c_30c3;
+        (x | x << 2) & 0x0924_9249
+    };
+    spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2
+}

@@ -1,0 +1,81 @@
+//! Final positions that a stroke asks for again and again while the tissue holds still.
+
+use super::Tissue;
+use crate::geometry::VertexId;
+use glam::DVec3;
+use std::cell::Cell;
+
+/// What all final positions depend on together: versions of pose, displacements and fades, and the clock while vertices fade.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Moment {
+    pose: u64,
+    displacements: u64,
+    fades: u64,
+    time_bits: u64,
+}
+
+/// Positions as [`Tissue::position`] gives them, bit for bit, each computed when first asked for. Empties itself when the tissue
+/// moves; an edit has to say which vertices it concerned.
+#[derive(Debug, Default)]
+pub(super) struct PositionCache {
+    at: Vec<Cell<DVec3>>,
+    /// The round in which each was computed.
+    known: Vec<Cell<u32>>,
+    round: u32,
+    moment: Moment,
+}
+
+impl PositionCache {
+    fn moment(tissue: &Tissue) -> Moment {
+        let time_s = if tissue.fades.running(tissue.time_s) { tissue.time_s } else { 0.0 };
+        let versions = tissue.versions;
+        Moment { pose: versions.pose, displacements: versions.displacements, fades: versions.fades, time_bits: time_s.to_bits() }
+    }
+
+    /// To be called before positions are asked for: forgets them if the tissue has moved, and makes room for new vertices.
+    pub(super) fn refresh(&mut self, tissue: &Tissue) {
+        let moment = Self::moment(tissue);
+        if self.round == 0 || moment != self.moment {
+            if self.round == u32::MAX {
+                self.known.iter().for_each(|k| k.set(0));
+                self.round = 0;
+            }
+            self.round += 1;
+            self.moment = moment;
+        }
+        self.grow(tissue);
+    }
+
+    fn grow(&mut self, tissue: &Tissue) {
+        let slots = tissue.mesh.vertex_slots();
+        if self.known.len() < slots {
+            self.known.resize(slots, Cell::new(0));
+            self.at.resize(slots, Cell::new(DVec3::ZERO));
+        }
+    }
+
+    /// An edit that has just ended: `changed` vertices (removed ones may be left out) are computed anew, all others stand where they
+    /// stood.
+    pub(super) fn edited(&mut self, tissue: &Tissue, changed: impl Iterator<Item = VertexId>) {
+        self.grow(tissue);
+        changed.for_each(|v| self.known[v.index()].set(0));
+        self.moment = Self::moment(tissue);
+    }
+
+    /// The position of `v`, from `compute` if it is not known. Vertices made since the last refresh are computed.
+    #[inline]
+    pub(super) fn get(&self, v: VertexId, compute: impl FnOnce() -> DVec3) -> DVec3 {
+        let Some(known) = self.known.get(v.index()) else { return compute() };
+        if known.get() != self.round {
+            self.at[v.index()].set(compute());
+            known.set(self.round);
+        }
+        self.at[v.index()].get()
+    }
+
+    /// [`Tissue::position`] through the cache.
+    #[inline]
+    pub(super) fn of(&self, tissue: &Tissue, v: VertexId) -> DVec3 {
+        self.get(v, || tissue.position(v))
+    }
+}

@@ -1,0 +1,84 @@
+//! What a segment of a tear costs follows the wound and not the model (MATHS 5.8): counters, not times.
+
+use glam::DVec3;
+use incise::formats::{generate, load};
+use incise::geometry::VertexId;
+use incise::particles::ParticleSettings;
+use incise::physics::NetworkSettings;
+use incise::surgery::{BladePose, SamplingSettings, WallMode};
+use incise::tissue::stroke::{SegmentReport, TearStroke};
+use incise::tissue::{Tissue, TissueSettings};
+
+/// A sphere with about one particle for 80 faces.
+fn sphere(faces: usize) -> Tissue {
+    let file = tempfile::Builder::new().suffix(".glb").tempfile().unwrap();
+    std::fs::write(file.path(), generate("sphere", Some(faces)).unwrap()).unwrap();
+    let model = load(&file.path().to_string_lossy()).unwrap();
+    let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
+    let settings = TissueSettings {
+        particles: Some(ParticleSettings::for_count(&model.mesh, &rest, faces / 80)),
+        network: NetworkSettings::SOFT,
+        opening_s: 0.5,
+        section_faces: 128,
+        fade_s: 0.25,
+    };
+    Tissue::new(model, &settings).unwrap()
+}
+
+/// A spiral of `segments` boxes whose width, depth and length go with the edges of the model.
+fn tear(faces: usize, wall: WallMode, segments: usize) -> Vec<SegmentReport> {
+    let mut tissue = sphere(faces);
+    let (low, high) = tissue.bounds();
+    let (centre, diagonal, radius) = ((low + high) / 2.0, tissue.diagonal(), (high - low).min_element() / 2.0);
+    let edge = (5_000.0 / faces as f64).sqrt() * diagonal;
+    let sampling = SamplingSettings::default().with_distance(0.02 * edge, diagonal);
+    let mut stroke = TearStroke::new(&tissue, 0.01 * edge, sampling).walled(wall);
+    let (mut angle, mut tilt) = (0.0f64, -0.5f64);
+    for i in 0..segments + 2 {
+        let out = DVec3::new(tilt.cos() * angle.cos(), tilt.sin(), tilt.cos() * angle.sin());
+        let turn = 0.02 * edge / (radius * tilt.cos());
+        angle += turn;
+        tilt += 0.2 * edge / radius * turn / std::f64::consts::TAU;
+        let at = centre + out * radius;
+        let (tip, base) = (at - out * (0.03 * edge), at + out * (0.05 * edge));
+        stroke.push(&mut tissue, BladePose { t: i as f64 / 90.0, tip, base });
+        stroke.take_deltas();
+    }
+    stroke.release(&mut tissue);
+    assert_eq!(tissue.validate(), Ok(()));
+    stroke.reports().iter().filter(|r| r.new_vertices > 0).cloned().collect()
+}
+
+/// Mean of a counter over the later half of the segments.
+fn mean(reports: &[SegmentReport], of: impl Fn(&SegmentReport) -> usize) -> f64 {
+    let late = &reports[reports.len() / 2..];
+    late.iter().map(of).sum::<usize>() as f64 / late.len() as f64
+}
+
+#[test]
+fn a_segment_costs_the_same_on_a_model_sixteen_times_as_large() {
+    for wall in [WallMode::Open, WallMode::Closed] {
+        let (small, large) = (tear(5_000, wall, 40), tear(80_000, wall, 40));
+        let faces: [f64; 2] = [&small, &large].map(|r| mean(r, |s| s.faces_visited));
+        let vertices = [&small, &large].map(|r| mean(r, |s| s.vertices_visited));
+        let bytes = [&small, &large].map(|r| mean(r, |s| s.bytes_changed));
+        for ([few, many], what, most) in [(faces, "faces", 1_000.0), (vertices, "vertices", 6_000.0), (bytes, "bytes", 60e3)] {
+            // whole sections of faces are looked at: one more or less weighs
+            assert!(many < 2.0 * few, "{wall:?}, {what}: {few} and {many}");
+            assert!(few > 0.0 && many < most, "{wall:?}, {what}: {many}, a whole model is more");
+        }
+    }
+}
+
+#[test]
+fn later_segments_of_a_long_stroke_cost_no_more() {
+    let reports = tear(20_000, WallMode::Open, 400);
+    assert!(reports.len() > 350, "{} segments", reports.len());
+    let mean =
+        |part: &[SegmentReport], of: fn(&SegmentReport) -> usize| part.iter().map(of).sum::<usize>() as f64 / part.len() as f64;
+    let counters: [fn(&SegmentReport) -> usize; 3] = [|s| s.faces_visited, |s| s.vertices_visited, |s| s.bytes_changed];
+    for of in counters {
+        let (early, late) = (mean(&reports[50..150], of), mean(&reports[reports.len() - 100..], of));
+        assert!(late < 1.6 * early, "{early} at first, {late} in the end");
+    }
+}
