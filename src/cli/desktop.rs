@@ -5,7 +5,7 @@ use super::common::{live_scene, load, particle_settings, scene_glb, tissue_setti
 use super::headless::{frame_json, parse_size};
 use super::report_json;
 use crate::config::Config;
-use crate::host::desktop::{DesktopError, DesktopRun, Loaded, Request, Setup, StrokeNote, run};
+use crate::host::desktop::{DesktopError, DesktopRun, Loaded, Request, Setup, StrokeNote, Tell, run};
 use crate::input::ParticleOverrides;
 use crate::scene::{Scene, SceneSettings};
 use crate::tissue::Tissue;
@@ -50,11 +50,11 @@ impl Desktop {
     ) -> Result<Result<(), DesktopError>, CliError> {
         let started = Instant::now();
         let model = self.model.unwrap_or_else(|| FIRST.into());
-        let first = make(&Request { model, config: config.clone(), spacing: None })?;
+        let first = make(&Request { model, config: config.clone(), spacing: None }, &|_, _| {})?;
         let setup = Setup {
             config: config.clone(),
             config_file: file.map_or_else(|| "config.toml".into(), Path::to_path_buf),
-            load: Arc::new(|request| make(request).map_err(CliError::into_message)),
+            load: Arc::new(|request, tell| make(request, tell).map_err(CliError::into_message)),
             export,
             started,
             record: self.report.is_some(),
@@ -73,12 +73,15 @@ impl Desktop {
 }
 
 /// A scene of a model, at rest, as the settings have it.
-fn make(request: &Request) -> Result<Loaded, CliError> {
+fn make(request: &Request, tell: Tell) -> Result<Loaded, CliError> {
     let Request { model: name, config, spacing } = request;
+    tell("reading", 0.0);
     let model = load(name)?;
+    tell("placing particles", 0.2);
     let warnings = model.report.warnings.clone();
     let given = ParticleOverrides { spacing: *spacing, ..ParticleOverrides::default() };
     let particles = particle_settings(&model, config, &given, 1)?;
+    tell("joining them to the surface", 0.5);
     let tissue = Tissue::new(model, &tissue_settings(config, Some(particles))).map_err(CliError::input)?;
     let settings = SceneSettings { sampling: config.sampling, sample_distance: None, sample_time: None };
     let mut scene = live_scene(tissue, settings, config.tear.wall, config);
@@ -100,10 +103,16 @@ fn report(done: &DesktopRun) -> Value {
     });
     let stroke = |stroke: &StrokeNote| {
         let sample = |s: &crate::host::desktop::StrokeSample| json!({ "pixel": s.pixel, "rest": s.rest.to_array(), "lip_distance": s.lip_distance });
-        json!({ "frame": stroke.frame, "samples": stroke.samples.iter().map(sample).collect::<Vec<_>>() })
+        json!({
+            "frame": stroke.frame,
+            "inserted": stroke.inserted,
+            "stray": stroke.stray,
+            "samples": stroke.samples.iter().map(sample).collect::<Vec<_>>(),
+        })
     };
     json!({
         "adapter": done.adapter,
+        "seconds": done.seconds,
         "model": done.model,
         "edit_hash": format!("{:016x}", done.edit_hash),
         "state_hash": format!("{:016x}", done.state_hash),

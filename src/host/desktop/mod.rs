@@ -1,5 +1,6 @@
 //! A window: the same scalpel under a mouse. winit calls us; a frame is drawn only when something has changed.
 
+mod in_hand;
 mod keys;
 mod record;
 mod screen;
@@ -36,8 +37,10 @@ pub struct Loaded {
     pub warnings: Vec<String>,
 }
 
+/// Told what is being done, and how much of the whole is behind it, from 0 to 1.
+pub type Tell<'a> = &'a dyn Fn(&'static str, f32);
 /// Loads a model; the error names the remedy. Called on another thread.
-pub type Load = Arc<dyn Fn(&Request) -> Result<Loaded, String> + Send + Sync>;
+pub type Load = Arc<dyn Fn(&Request, Tell) -> Result<Loaded, String> + Send + Sync>;
 /// Writes a scene to a file.
 pub type Export = fn(&Scene, &Path) -> Result<(), String>;
 
@@ -68,6 +71,8 @@ pub struct DesktopRun {
     pub adapter: String,
     /// The model that was shown last.
     pub model: String,
+    /// From the program's start to the window's end.
+    pub seconds: f64,
     /// See [`Scene::edit_hash`].
     pub edit_hash: u64,
     /// See [`Scene::state_hash`].
