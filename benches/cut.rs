@@ -1,7 +1,7 @@
 //! The plane cut against the goals: in place without caps, and into two closed pieces; every attribute, binding and the
 //! particle map included. Medians, milliseconds; beside it parry3d's split on the same triangles.
 //!
-//! `cargo bench --bench cut [-- MOST_FACES]`
+//! `cargo bench --bench cut [-- MOST_FACES [LEAST_FACES]]`
 
 use glam::DVec3;
 use incise::diagnostics::Stages;
@@ -52,8 +52,9 @@ fn report(name: &str, faces: usize, times: Vec<f64>, stages: &[Stages]) {
 }
 
 fn main() {
-    let most = std::env::args().filter_map(|a| a.parse().ok()).next().unwrap_or(1_000_000usize);
-    for faces in [768, 5_000, 18_000, 100_000, 1_000_000].into_iter().filter(|&f| f <= most) {
+    let mut sizes = std::env::args().filter_map(|a| a.parse().ok());
+    let (most, least) = (sizes.next().unwrap_or(1_000_000usize), sizes.next().unwrap_or(0));
+    for faces in [768, 5_000, 18_000, 100_000, 1_000_000].into_iter().filter(|f| (least..=most).contains(f)) {
         let rounds = (200_000 / faces).clamp(5, 41);
         for particles in [false, true] {
             let mut subject = tissue(faces, particles);

@@ -3,6 +3,8 @@
 //! Every key has a default, and the bundled `config.toml` says what the defaults are. Lengths are fractions of the
 //! model's bounding diagonal unless the key's text says otherwise, so that one file serves every model.
 
+mod save;
+
 use crate::physics::NetworkSettings;
 use crate::surgery::{SamplingSettings, SettingError, WallMode};
 use serde::{Deserialize, Serialize};

@@ -5,8 +5,9 @@ mod common;
 use common::models::{model, scene, settings};
 use glam::DVec3;
 use incise::diagnostics::Stages;
-use incise::geometry::{FaceId, Plane};
-use incise::scene::{EditCommand, Outcome, TissueId};
+use incise::geometry::{FaceId, Plane, VertexId};
+use incise::scene::{EditCommand, Outcome, Scene, SceneSettings, TissueId};
+use incise::surgery::SamplingSettings;
 use incise::tissue::Tissue;
 use incise::tissue::edit::CutScratch;
 
@@ -188,4 +189,109 @@ fn a_cavity_that_the_plane_misses_stays_with_the_piece_around_it() {
     let report = scene.edit(EditCommand::CutClosed(Plane::Equation { normal: DVec3::Y, offset })).pop().unwrap();
     assert_eq!((report.outcome, report.pieces.len(), report.caps.loops), (Outcome::Cut, 2, 2));
     assert!(report.pieces.iter().all(|p| p.closed && p.volume > 0.0));
+}
+
+/// A scene of balls: centre, radius, and whether it is turned inside out.
+fn balls(balls: &[([f64; 3], f64, bool)]) -> Scene {
+    let mut text = String::new();
+    let mut first = 1;
+    for &(centre, radius, turned) in balls {
+        let ball = common::Solid::sphere(radius, 3);
+        for p in ball.positions.iter().map(|&p| p + DVec3::from_array(centre)) {
+            text += &format!("v {} {} {}\n", p.x, p.y, p.z);
+        }
+        for f in ball.mesh.faces() {
+            let [a, b, c] = f.map(|v| v.0 + first);
+            text += &if turned { format!("f {a} {c} {b}\n") } else { format!("f {a} {b} {c}\n") };
+        }
+        first += ball.positions.len() as u32;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("balls.obj");
+    std::fs::write(&path, text).unwrap();
+    let loaded = incise::formats::load(path.to_str().unwrap()).unwrap();
+    let tissue = Tissue::new(loaded.clone(), &settings(&loaded)).unwrap();
+    let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
+    Scene::new(tissue, tools)
+}
+
+/// Volumes of the pieces after a cut at a height, in ball volumes of radius 1, largest first.
+fn volumes_cut_at(scene: &mut Scene, y: f64, closed: bool) -> Vec<f64> {
+    let plane = Plane::Equation { normal: DVec3::Y, offset: y };
+    let command = if closed { EditCommand::CutClosed(plane) } else { EditCommand::Cut(plane) };
+    let report = scene.edit(command).pop().unwrap();
+    assert_eq!(report.outcome, Outcome::Cut);
+    scene.validate().unwrap();
+    let ball = common::Solid::sphere(1.0, 3);
+    let whole = incise::geometry::measure::measure(&ball.mesh, |v| ball.at(v)).volume;
+    let mut volumes: Vec<f64> = report.pieces.iter().map(|p| p.volume / whole).collect();
+    volumes.sort_by(|a, b| b.total_cmp(a));
+    volumes
+}
+
+#[test]
+fn a_cavity_stays_with_the_piece_that_encloses_it_not_with_the_largest() {
+    let bodies = [([0.0; 3], 1.0, false), ([3.0, 0.0, 0.0], 0.6, false), ([3.0, 0.3, 0.05], 0.2, true)];
+    let near = |found: &[f64], wanted: &[f64]| {
+        assert_eq!(found.len(), wanted.len(), "{found:?} {wanted:?}");
+        assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?} {wanted:?}");
+    };
+    let (half, small, hole) = (0.5, 0.6f64.powi(3) / 2.0, 0.2f64.powi(3));
+    near(&volumes_cut_at(&mut balls(&bodies), 0.0, true), &[half, half, small, small - hole]);
+    // without caps the volumes mean little, but the pieces are the same
+    let mut open = balls(&bodies);
+    assert_eq!(volumes_cut_at(&mut open, 0.0, false).len(), 4);
+    let hollow: Vec<f64> =
+        open.tissues().filter(|(_, t)| t.component_faces().len() == 2).map(|(_, t)| t.bounds().0.x + t.offset().x).collect();
+    assert!(hollow.len() == 1 && hollow[0] > 2.0, "{hollow:?}");
+}
+
+#[test]
+fn a_cavity_of_a_body_inside_a_cavity_stays_with_that_body() {
+    let nested =
+        [([0.0; 3], 2.0, false), ([0.0, 0.3, 0.0], 1.0, true), ([0.0, 0.3, 0.1], 0.7, false), ([0.1, 0.3, 0.0], 0.3, true)];
+    let mut scene = balls(&nested);
+    let found = volumes_cut_at(&mut scene, -1.5, true);
+    let inner = 0.7f64.powi(3) - 0.3f64.powi(3);
+    assert_eq!(found.len(), 3, "{found:?}");
+    assert!(found.iter().all(|&v| v > 0.0) && found.iter().any(|v| (v - inner).abs() < 1e-6), "{found:?}");
+    assert!((found.iter().sum::<f64>() - (8.0 - 1.0 + inner)).abs() < 1e-6, "{found:?}");
+}
+
+#[test]
+fn vertices_on_the_cut_are_held_from_their_own_side() {
+    let loaded = model("heart", 900);
+    let mut tissue = Tissue::new(loaded.clone(), &settings(&loaded)).unwrap();
+    let (low, high) = tissue.bounds();
+    let normal = direction(7);
+    let plane = Plane::Equation { normal, offset: normal.dot((low + high) / 2.0) };
+    let first_new = tissue.mesh().vertex_slots();
+    let outcome = tissue.cut(&plane, &mut CutScratch::default().split, &mut Stages::default());
+    assert!(!outcome.missed());
+    let map = &tissue.layer().unwrap().map;
+    let farthest = |faces: &mut dyn Iterator<Item = FaceId>| {
+        let corners = faces.flat_map(|f| tissue.mesh().face(f)).map(|v| plane.distance(tissue.position(v)));
+        corners.fold(0.0f64, |m, d| if d.abs() > m.abs() { d } else { m })
+    };
+    let (mut own, mut lost) = (0, 0);
+    for v in (first_new..tissue.mesh().vertex_slots()).map(VertexId::new) {
+        let row = map.influences.row(v.index());
+        assert!((row.iter().map(|e| f64::from(e.weight)).sum::<f64>() - 1.0).abs() < 1e-5);
+        let side = farthest(&mut tissue.mesh().fan(v).map(|h| h.face()));
+        let across =
+            |e: &&incise::particles::Influence| plane.distance(tissue.position(map.anchors[e.particle.index()])) * side < 0.0;
+        let count = row.iter().filter(across).count();
+        assert!(count == 0 || count == row.len(), "{v:?} is held from both sides");
+        own += usize::from(count == 0);
+        lost += usize::from(count > 0);
+    }
+    // a few far from every particle of their side keep what their edge had, until the pieces part
+    assert!(own > 50 && lost * 20 <= own, "{own} {lost}");
+    // the twin: the row of an old vertex near the plane is held from both sides
+    let mixed = (0..first_new).filter(|&v| {
+        let sides = |e: &incise::particles::Influence| plane.distance(tissue.position(map.anchors[e.particle.index()])) > 0.0;
+        let row = map.influences.row(v);
+        row.iter().any(sides) && !row.iter().all(sides)
+    });
+    assert!(mixed.count() > 50);
 }

@@ -4,7 +4,7 @@ use super::CliError;
 use crate::config::Config;
 use crate::formats::{self, FormatError, Model};
 #[cfg(any(feature = "desktop", feature = "vr"))]
-use crate::host::models::{Loaded, Request};
+use crate::host::models::{Loaded, Request, Tell};
 use crate::input::ParticleOverrides;
 use crate::particles::ParticleSettings;
 use crate::physics::NetworkSettings;
@@ -190,12 +190,15 @@ pub fn live_scene(tissue: Tissue, tools: SceneSettings, wall: WallMode, config: 
 
 /// A scene of a model, at rest, as the settings have it.
 #[cfg(any(feature = "desktop", feature = "vr"))]
-pub fn live_model(request: &Request) -> Result<Loaded, CliError> {
+pub fn live_model(request: &Request, tell: Tell) -> Result<Loaded, CliError> {
     let Request { model: name, config, spacing } = request;
+    tell("reading", 0.0);
     let model = load(name)?;
+    tell("placing particles", 0.2);
     let warnings = model.report.warnings.clone();
     let given = ParticleOverrides { spacing: *spacing, ..ParticleOverrides::default() };
     let particles = particle_settings(&model, config, &given, 1)?;
+    tell("joining them to the surface", 0.5);
     let tissue = Tissue::new(model, &tissue_settings(config, Some(particles))).map_err(CliError::input)?;
     let settings = SceneSettings { sampling: config.sampling, sample_distance: None, sample_time: None };
     let mut scene = live_scene(tissue, settings, config.tear.wall, config);

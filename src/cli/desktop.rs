@@ -47,11 +47,11 @@ impl Desktop {
     ) -> Result<Result<(), DesktopError>, CliError> {
         let started = Instant::now();
         let model = self.model.unwrap_or_else(|| FIRST.into());
-        let first = live_model(&Request { model, config: config.clone(), spacing: None })?;
+        let first = live_model(&Request { model, config: config.clone(), spacing: None }, &|_, _| {})?;
         let setup = Setup {
             config: config.clone(),
             config_file: file.map_or_else(|| "config.toml".into(), Path::to_path_buf),
-            load: Arc::new(|request| live_model(request).map_err(CliError::into_message)),
+            load: Arc::new(|request, tell| live_model(request, tell).map_err(CliError::into_message)),
             export,
             started,
             record: self.report.is_some(),
@@ -77,10 +77,16 @@ fn report(done: &DesktopRun) -> Value {
     });
     let stroke = |stroke: &StrokeNote| {
         let sample = |s: &crate::host::desktop::StrokeSample| json!({ "pixel": s.pixel, "rest": s.rest.to_array(), "lip_distance": s.lip_distance });
-        json!({ "frame": stroke.frame, "samples": stroke.samples.iter().map(sample).collect::<Vec<_>>() })
+        json!({
+            "frame": stroke.frame,
+            "inserted": stroke.inserted,
+            "stray": stroke.stray,
+            "samples": stroke.samples.iter().map(sample).collect::<Vec<_>>(),
+        })
     };
     json!({
         "adapter": done.adapter,
+        "seconds": done.seconds,
         "model": done.model,
         "edit_hash": format!("{:016x}", done.edit_hash),
         "state_hash": format!("{:016x}", done.state_hash),

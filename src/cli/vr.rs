@@ -55,7 +55,7 @@ impl Vr {
         let options = VrOptions {
             config: config.clone(),
             config_file: file.map_or_else(|| "config.toml".into(), Path::to_path_buf),
-            load: Some(Arc::new(|request| live_model(request).map_err(CliError::into_message))),
+            load: Some(Arc::new(|request, tell| live_model(request, tell).map_err(CliError::into_message))),
             export: Some(export),
             allocations,
             model: self.model.clone(),

@@ -177,6 +177,13 @@ impl<T: Copy + Pod> SlotCsr<T> {
         self.spans.push(Span { start, len: entries.len() as u32 })
     }
 
+    /// Appends a copy of a row and returns its index.
+    pub fn push_copy(&mut self, row: usize) -> usize {
+        let Span { start, len } = self.spans[row];
+        let copy = self.entries.extend_from_within(start as usize..(start + len) as usize) as u32;
+        self.spans.push(Span { start: copy, len })
+    }
+
     /// Appends empty rows up to `rows` in all.
     pub fn grow_rows(&mut self, rows: usize) {
         while self.spans.len() < rows {
@@ -198,6 +205,12 @@ impl<T: Copy + Pod> SlotCsr<T> {
             let start = self.entries.extend(entries) as u32;
             self.spans.set(row, Span { start, len: entries.len() as u32 });
         }
+    }
+
+    /// Makes room for what edits will append.
+    pub fn make_room(&mut self) {
+        self.spans.make_room();
+        self.entries.make_room();
     }
 
     /// Empties rows, each listed once. Their entries stay in the arena as a hole.

@@ -47,7 +47,8 @@ impl Measures {
         if self.closed() { self.volume } else { self.volume - point.dot(self.vector_area) / 3.0 }
     }
 
-    const EMPTY: Self = Self {
+    /// What nothing measures.
+    pub const EMPTY: Self = Self {
         faces: 0,
         area: 0.0,
         volume: 0.0,
@@ -59,6 +60,39 @@ impl Measures {
         min: DVec3::INFINITY,
         max: DVec3::NEG_INFINITY,
     };
+
+    /// Adds the sums and extremes of other faces. Edges are counted apart: see [`Measures::count_edges`].
+    pub fn add(&mut self, other: &Self) {
+        self.faces += other.faces;
+        self.area += other.area;
+        self.volume += other.volume;
+        self.vector_area += other.vector_area;
+        self.degenerate_faces += other.degenerate_faces;
+        self.smallest_angle = self.smallest_angle.min(other.smallest_angle);
+        (self.min, self.max) = (self.min.min(other.min), self.max.max(other.max));
+    }
+
+    /// Adds faces without their edges.
+    pub fn add_faces(&mut self, mesh: &Mesh, faces: impl IntoIterator<Item = FaceId>, position: impl Fn(VertexId) -> DVec3) {
+        for f in faces {
+            let corners = mesh.face(f);
+            self.add_face(corners, corners.map(&position));
+        }
+    }
+
+    /// Counts boundary and non-manifold edges from all open half-edges of what is measured; sorts them.
+    pub fn count_edges(&mut self, open: &mut [OpenEdge]) {
+        (self.boundary_edges, self.non_manifold_edges) = (0, 0);
+        open.sort_unstable();
+        for run in open.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            match run {
+                // One face, or the two lips of an opened edge whose ends are still shared.
+                [_] => self.boundary_edges += 1,
+                [a, b] if a.2 != b.2 => self.boundary_edges += 2,
+                _ => self.non_manifold_edges += 1,
+            }
+        }
+    }
 
     fn add_face(&mut self, corners: [VertexId; 3], [a, b, c]: [DVec3; 3]) {
         let cross = (b - a).cross(c - a);
@@ -102,30 +136,30 @@ pub fn measure(mesh: &Mesh, position: impl Fn(VertexId) -> DVec3) -> Measures {
     measure_faces(mesh, mesh.live_faces(), position)
 }
 
+/// A half-edge without partner: its lower vertex, its higher one, and whether it runs from the lower to the higher.
+pub type OpenEdge = (u32, u32, bool);
+
+/// Appends the open half-edges of `faces`.
+pub fn open_edges(mesh: &Mesh, faces: impl IntoIterator<Item = FaceId>, out: &mut Vec<OpenEdge>) {
+    for f in faces {
+        let row = mesh.all_opposites()[f.index()];
+        for k in (0..3).filter(|&k| row[k].is_none()) {
+            let h = HalfEdge::of(f, k);
+            let (a, b) = (mesh.from(h).0, mesh.to(h).0);
+            out.push((a.min(b), a.max(b), a < b));
+        }
+    }
+}
+
 /// Measures some faces of a mesh (each once). An edge counts as boundary by the mesh's own adjacency.
 pub fn measure_faces(mesh: &Mesh, faces: impl IntoIterator<Item = FaceId>, position: impl Fn(VertexId) -> DVec3) -> Measures {
     let mut measures = Measures::EMPTY;
-    let mut open: Vec<(u32, u32, bool)> = Vec::new();
+    let mut open = Vec::new();
     for f in faces {
-        let corners = mesh.face(f);
-        measures.add_face(corners, corners.map(&position));
-        for k in 0..3 {
-            let h = HalfEdge::of(f, k);
-            if mesh.opposite(h).is_none() {
-                let (a, b) = (mesh.from(h).0, mesh.to(h).0);
-                open.push((a.min(b), a.max(b), a < b));
-            }
-        }
+        measures.add_faces(mesh, [f], &position);
+        open_edges(mesh, [f], &mut open);
     }
-    open.sort_unstable();
-    for run in open.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        match run {
-            // One face, or the two lips of an opened edge whose ends are still shared.
-            [_] => measures.boundary_edges += 1,
-            [a, b] if a.2 != b.2 => measures.boundary_edges += 2,
-            _ => measures.non_manifold_edges += 1,
-        }
-    }
+    measures.count_edges(&mut open);
     measures
 }
 

@@ -2,6 +2,7 @@
 
 pub mod components;
 pub mod csr;
+mod divide;
 mod ears;
 pub mod extract;
 mod flips;
@@ -11,6 +12,7 @@ pub mod ids;
 pub mod measure;
 pub mod mesh;
 pub mod predicates;
+pub mod section_graph;
 pub mod sections;
 pub mod topology;
 pub mod tracked;
@@ -26,6 +28,7 @@ pub use ids::{FaceId, HalfEdge, ParticleId, SectionId, VertexId, WedgeId};
 pub use measure::Measures;
 pub use mesh::{FaceInfo, Mesh, MeshDelta, Wedge};
 pub use predicates::Plane;
+pub use section_graph::{Part, SectionGraph};
 pub use topology::{NewFace, SplitVertex, TopologyScratch};
 pub use tracked::{Delta, Tracked};
-pub use triangulate::{TriangulationOutcome, Triangulator};
+pub use triangulate::{NO_OPPOSITE, TriangulationOutcome, Triangulator};

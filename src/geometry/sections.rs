@@ -32,9 +32,82 @@ pub fn cluster_faces(mesh: &Mesh, position: impl Fn(VertexId) -> DVec3, faces_pe
     (count.max(1), section)
 }
 
+/// Moves faces that touch no other of their section, or only a few, into a section next to them, so that a section is one
+/// connected component wherever its surface is. Sections may grow by their neighbours' strays.
+pub fn join_strays(mesh: &Mesh, count: usize, section: &mut [SectionId]) {
+    let mut parent: Vec<u32> = (0..mesh.face_slots() as u32).collect();
+    let around = |f: FaceId| mesh.all_opposites()[f.index()].into_iter().filter(|h| h.is_some()).map(|h| h.face());
+    for f in mesh.live_faces() {
+        for g in around(f).filter(|g| *g < f && section[g.index()] == section[f.index()]) {
+            let (a, b) = (root(&mut parent, f.0), root(&mut parent, g.0));
+            parent[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut size = vec![0u32; mesh.face_slots()];
+    let mut largest = vec![u32::MAX; count];
+    for f in mesh.live_faces() {
+        size[root(&mut parent, f.0) as usize] += 1;
+    }
+    for f in mesh.live_faces().filter(|f| parent[f.index()] == f.0) {
+        let largest = &mut largest[section[f.index()].index()];
+        if *largest == u32::MAX || size[*largest as usize] < size[f.index()] {
+            *largest = f.0;
+        }
+    }
+    let mut strays: Vec<FaceId> =
+        mesh.live_faces().filter(|f| root(&mut parent, f.0) != largest[section[f.index()].index()]).collect();
+    let mut is_stray = vec![false; mesh.face_slots()];
+    strays.iter().for_each(|f| is_stray[f.index()] = true);
+    loop {
+        let before = strays.len();
+        strays.retain(|&f| match around(f).find(|g| !is_stray[g.index()]) {
+            Some(g) => {
+                section[f.index()] = section[g.index()];
+                is_stray[f.index()] = false;
+                false
+            }
+            None => true,
+        });
+        // what is left is no neighbour of any section: surfaces smaller than one
+        if strays.len() == before {
+            return;
+        }
+    }
+}
+
+fn root(parent: &mut [u32], mut f: u32) -> u32 {
+    while parent[f as usize] != f {
+        parent[f as usize] = parent[parent[f as usize] as usize];
+        f = parent[f as usize];
+    }
+    f
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn without_strays_a_section_is_one_component() {
+        let mut mesh = octahedron();
+        // opposite faces share a section, and no edge
+        let mut section: Vec<SectionId> = (0..8).map(|f| SectionId::new([0, 0, 1, 1, 1, 1, 0, 1][f])).collect();
+        let parts = |mesh: &Mesh, section: &[SectionId]| {
+            let mut apart = mesh.clone();
+            for h in (0..8).flat_map(|f| (0..3).map(move |k| crate::geometry::HalfEdge::of(FaceId::new(f), k))) {
+                let back = apart.opposite(h);
+                if back.is_some() && section[h.face().index()] != section[back.face().index()] {
+                    apart.open_edge(h);
+                }
+            }
+            crate::geometry::Components::find(&apart).count()
+        };
+        assert!(parts(&mesh, &section) > 2);
+        join_strays(&mesh, 2, &mut section);
+        assert_eq!(parts(&mesh, &section), 2);
+        mesh.assign_sections(2, &section);
+        assert_eq!(mesh.validate(), Ok(()));
+    }
     use crate::geometry::validate::tests::octahedron;
 
     #[test]

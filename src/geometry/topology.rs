@@ -300,7 +300,7 @@ impl Mesh {
         id
     }
 
-    fn link_section(&mut self, f: FaceId, section: SectionId) {
+    pub(super) fn link_section(&mut self, f: FaceId, section: SectionId) {
         let head = self.section_head[section.index()];
         self.section_links.set(f.index(), [FaceId::NONE, head]);
         if head.is_some() {

@@ -15,7 +15,7 @@ pub struct Tracked<T> {
     log: Vec<(u32, T)>,
     /// Shortest length since the last delta: entries from here on are new.
     base_len: usize,
-    /// Entries cut off below `base_len`, first to last.
+    /// Entries cut off below `base_len`, last to first.
     cut: Vec<T>,
     /// Length at the last delta.
     start_len: usize,
@@ -72,6 +72,11 @@ impl<T: Copy> Tracked<T> {
         self.data[index] = value;
     }
 
+    /// Makes room for the entries that edits will append: a growing array is copied as a whole, which no edit should wait for.
+    pub fn make_room(&mut self) {
+        self.data.reserve(self.data.len() / 8 + 256);
+    }
+
     /// [`Tracked::set`] for many entries, each listed once: `new` makes the value from the old one.
     pub fn update(&mut self, indices: impl Iterator<Item = usize>, new: impl Fn(T) -> T) {
         let (least, most) = indices.size_hint();
@@ -100,11 +105,18 @@ impl<T: Copy> Tracked<T> {
         self.data.len() - values.len()
     }
 
+    /// Appends copies of entries and returns the position of the first.
+    pub fn extend_from_within(&mut self, range: Range<usize>) -> usize {
+        let first = self.data.len();
+        self.data.extend_from_within(range);
+        first
+    }
+
     /// Removes and returns the last entry.
     pub fn pop(&mut self) -> Option<T> {
         let value = *self.data.last()?;
         if self.data.len() <= self.base_len {
-            self.cut.insert(0, value);
+            self.cut.push(value);
             self.base_len -= 1;
         }
         self.data.pop();
@@ -116,11 +128,25 @@ impl<T: Copy> Tracked<T> {
         !self.log.is_empty() || self.data.len() != self.start_len || self.base_len != self.start_len
     }
 
+    /// Indices written or appended since the last delta, repeats possible.
+    pub fn touched(&self) -> impl Iterator<Item = usize> + '_ {
+        self.log.iter().map(|w| w.0 as usize).chain(self.base_len..self.data.len())
+    }
+
+    /// Values that were written over since the last delta.
+    pub fn overwritten(&self) -> impl Iterator<Item = &T> + '_ {
+        self.log.iter().map(|w| &w.1)
+    }
+
     /// Everything noted since the last call; the notes start anew.
     pub fn take_delta(&mut self) -> Delta<T> {
+        self.cut.reverse();
+        // a copy of just the size: the notes keep their room for the next edit
+        let writes = self.log.clone();
+        self.log.clear();
         let delta = Delta {
             len: self.start_len,
-            writes: std::mem::take(&mut self.log),
+            writes,
             tail: std::mem::take(&mut self.cut),
             restore_from: self.base_len,
             new_len: self.data.len(),
@@ -161,6 +187,17 @@ impl<T> Delta<T> {
     /// True if nothing changed.
     pub fn is_empty(&self) -> bool {
         self.writes.is_empty() && self.len == self.new_len && self.restore_from == self.len
+    }
+
+    /// Indices that differ between the two states, or may, repeats possible.
+    pub fn touched(&self) -> impl Iterator<Item = usize> + '_ {
+        let tail = self.restore_from..self.len.max(self.new_len);
+        self.writes.iter().map(|w| w.0 as usize).chain(tail)
+    }
+
+    /// Values that applying the delta brings back.
+    pub fn overwritten(&self) -> impl Iterator<Item = &T> + '_ {
+        self.writes.iter().map(|w| &w.1).chain(&self.tail)
     }
 
     /// The entries that differ between the two states, as sorted, merged index ranges of the longer one.
@@ -236,6 +273,11 @@ macro_rules! tracked_arrays {
             /// Goes back by `delta` (the newest taken) and returns the way forward.
             pub fn apply_delta(&mut self, delta: $delta) -> $delta {
                 $delta { $($field: self.$field.apply(delta.$field),)* }
+            }
+
+            /// Makes room in every array for what edits will append.
+            pub fn make_room(&mut self) {
+                $(self.$field.make_room();)*
             }
 
             /// Feeds every tracked array into `hash`.

@@ -31,7 +31,11 @@ pub struct Triangulator {
     pairs: Pairs,
     ears: Ears,
     flips: Flips,
+    opposite: Vec<u32>,
 }
+
+/// In place of a half-edge: a loop edge is here.
+pub const NO_OPPOSITE: u32 = u32::MAX;
 
 /// A loop and what is known of it.
 #[derive(Clone, Copy, Debug)]
@@ -60,6 +64,8 @@ impl Triangulator {
         out: &mut Vec<[u32; 3]>,
     ) -> TriangulationOutcome {
         let mut outcome = TriangulationOutcome::default();
+        let before = out.len();
+        self.opposite.clear();
         self.measure(points, corners, starts, &mut outcome);
         self.assign_holes(points, corners);
         for outer in 0..self.loops.len() as u32 {
@@ -69,8 +75,19 @@ impl Triangulator {
             self.holes.clear();
             self.holes.extend((0..self.loops.len() as u32).filter(|&h| h != outer && self.loops[h as usize].owner == outer));
             self.region(points, corners, outer, taken, out, &mut outcome);
+            // regions count their half-edges each from 0
+            let first = self.opposite.len() as u32;
+            let number = |&h: &u32| if h == NO_OPPOSITE { h } else { h + first };
+            self.opposite.extend(self.flips.opposite.iter().map(number));
+            debug_assert_eq!(self.opposite.len(), 3 * (out.len() - before));
         }
         outcome
+    }
+
+    /// How the triangles of the last call meet: half-edge `3 t + k` leaves corner `k` of the call's triangle `t`, and this is
+    /// the one across, or [`NO_OPPOSITE`] along the loops.
+    pub fn opposite(&self) -> &[u32] {
+        &self.opposite
     }
 
     fn region(

@@ -3,7 +3,7 @@
 
 use crate::app::App;
 use crate::config::Config;
-use crate::panel::PanelState;
+use crate::panel::{PanelState, Progress};
 use crate::physics::NetworkSettings;
 use crate::scene::{Scene, TissueId};
 use std::path::Path;
@@ -31,8 +31,10 @@ pub struct Loaded {
     pub warnings: Vec<String>,
 }
 
+/// Told what is being done, and how much of the whole is behind it, from 0 to 1.
+pub type Tell<'a> = &'a dyn Fn(&'static str, f32);
 /// Loads a model; the error names the remedy. Called on another thread.
-pub type Load = Arc<dyn Fn(&Request) -> Result<Loaded, String> + Send + Sync>;
+pub type Load = Arc<dyn Fn(&Request, Tell) -> Result<Loaded, String> + Send + Sync>;
 /// Writes a scene to a file.
 pub type Export = fn(&Scene, &Path) -> Result<(), String>;
 
@@ -53,12 +55,12 @@ impl Loader {
         let (sender, receiver) = channel();
         let (load, spec) = (load.clone(), request.model.clone());
         let begun = std::thread::Builder::new().name("loader".into()).spawn(move || {
-            drop(sender.send(load(&request)));
+            drop(sender.send(load(&request, &|_, _| {})));
             done();
         });
         match begun {
             Ok(_) => {
-                panel.loading = Some(format!("loading {spec}"));
+                panel.loading = Some(Progress { text: format!("loading {spec}"), part: 0.0 });
                 self.coming = Some(receiver);
             }
             Err(why) => panel.fail(format!("cannot load {spec}: {why}; close other programs and try again")),
@@ -132,18 +134,27 @@ pub fn export(scene: &Scene, export: Export, panel: &mut PanelState) {
     }
 }
 
-/// Writes the panel's settings to a file; the panel says how that went.
+/// Writes the panel's settings to a file, whose words and comments stay; the panel says how that went.
 pub fn save_config(file: &Path, panel: &mut PanelState) {
     if panel.spacing.is_some() {
         panel.config.particles.count = (panel.counts[2] as u32).max(1);
     }
-    let written = panel.config.validate().map_err(|e| e.to_string()).and_then(|()| {
-        let text = toml::to_string_pretty(&panel.config).map_err(|e| e.to_string())?;
-        std::fs::write(file, text).map_err(|e| e.to_string())
+    let written = read_if_there(file).and_then(|text| {
+        let text = panel.config.rewrite(text.as_deref(), &file.display().to_string()).map_err(|e| e.to_string())?;
+        std::fs::write(file, text).map_err(|e| format!("cannot write {}: {e}; start Incise where you may write", file.display()))
     });
     match written {
         Ok(()) => panel.tell(format!("Written: {}", file.display())),
-        Err(why) => panel.fail(format!("cannot write {}: {why}; start Incise where you may write", file.display())),
+        Err(why) => panel.fail(format!("{why}\n\nThe settings were not saved.")),
+    }
+}
+
+/// The text of a file; `None` if there is no such file.
+fn read_if_there(file: &Path) -> Result<Option<String>, String> {
+    match std::fs::read_to_string(file) {
+        Ok(text) => Ok(Some(text)),
+        Err(why) if why.kind() == std::io::ErrorKind::NotFound => Ok(None),
+        Err(why) => Err(format!("cannot read {}: {why}", file.display())),
     }
 }
 
@@ -167,10 +178,10 @@ mod tests {
     fn a_model_that_cannot_be_loaded_leaves_what_was_there_and_says_so() {
         let (mut loader, mut panel) = (Loader::default(), PanelState::default());
         let request = Request { model: "nowhere.glb".into(), config: Config::default(), spacing: None };
-        let fails: Load = Arc::new(|request| Err(format!("{}: no such file", request.model)));
+        let fails: Load = Arc::new(|request, _| Err(format!("{}: no such file", request.model)));
         let (told, called) = channel();
         loader.begin(&fails, request.clone(), move || told.send(()).unwrap_or_default(), &mut panel);
-        assert_eq!(panel.loading.as_deref(), Some("loading nowhere.glb"));
+        assert_eq!(panel.loading.as_ref().map(|p| p.text.as_str()), Some("loading nowhere.glb"));
         loader.begin(&fails, request, || (), &mut panel);
         assert!(panel.notice.take().is_some_and(|n| n.text.contains("already")), "one at a time");
         assert!(answer(&mut loader, &mut panel).is_none() && panel.loading.is_none());

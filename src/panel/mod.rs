@@ -4,7 +4,7 @@
 mod sections;
 mod state;
 
-pub use state::{Notice, PanelAction, PanelState, TimingRow};
+pub use state::{Notice, PanelAction, PanelState, Progress, TimingRow};
 
 use std::time::Duration;
 
@@ -41,6 +41,12 @@ impl Panel {
         let panel = Self::default();
         panel.context.set_theme(egui::Theme::Dark);
         panel.context.options_mut(|o| o.zoom_with_keyboard = false);
+        panel.context.all_styles_mut(|style| {
+            style.text_styles.insert(egui::TextStyle::Small, egui::FontId::proportional(11.0));
+            style.visuals.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(190);
+            // a cursor that blinks is a window that never rests
+            style.visuals.text_cursor.blink = false;
+        });
         panel
     }
 
@@ -178,6 +184,25 @@ mod tests {
             let right = frame.jobs.iter().map(|job| job.clip_rect.right()).fold(0.0, f32::max);
             assert!(right <= WIDTH + 1.0, "points are points at any sharpness: {right}");
         }
+    }
+
+    #[test]
+    fn a_panel_that_is_only_looked_at_changes_no_setting() {
+        let mut panel = Panel::new();
+        let mut state = PanelState { diagonal: 0.164_234_567, tilt: 0.123_456_7, speed: 7.0, ..PanelState::default() };
+        // between the slider's steps, and outside its range
+        (state.config.tear.gap, state.config.tear.width) = (0.030_000_01, 0.7);
+        (state.config.particles.radius, state.config.particles.neighbours) = (1.777_777_7, 50.0);
+        state.config.dynamics.soft.frequency = 99.123_456;
+        let before = state.clone();
+        for _ in 0..3 {
+            panel.context.memory_mut(|memory| memory.data.clear());
+            let mut frame = panel.run_pointer(([WIDTH, 2400.0], 1.0), None, None, &mut state);
+            assert!(frame.actions.is_empty(), "{:?}", frame.actions);
+            frame.textures.clear();
+        }
+        assert_eq!(state.config, before.config);
+        assert_eq!((state.tilt, state.depth, state.speed), (before.tilt, before.depth, before.speed));
     }
 
     #[test]

@@ -8,13 +8,15 @@ use egui::{CollapsingHeader, Color32, ComboBox, RichText, ScrollArea, Slider, Ui
 
 type Actions = Vec<PanelAction>;
 
-const LAYERS: [(Layer, &str, &str); 6] = [
+const LAYERS: [(Layer, &str, &str); 8] = [
     (Layer::Particles, "Particles", "Particles and the springs between them"),
     (Layer::Wireframe, "Wireframe", "Edges of the surface"),
     (Layer::Sections, "Sections", "Clusters of faces that an edit may skip"),
     (Layer::Boxes, "Boxes", "The boxes of the last tear"),
     (Layer::Influences, "Influences", "Which particles move which vertices"),
     (Layer::Strips, "Strips", "What blades swept, at rest: nothing pulls across"),
+    (Layer::Edges, "Edges", "Rims of wounds and cuts"),
+    (Layer::Errors, "Errors", "Distance of the GPU's positions from the f64 reference; reads back, so it is slow"),
 ];
 
 /// Keys and mouse, as the help shows them.
@@ -51,6 +53,10 @@ pub fn all(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if !state.in_room && ui.button("Help").on_hover_text("Mouse and keys (F1)").clicked() {
                 state.help = !state.help;
+            }
+            let hint = "Write the settings to config.toml (Ctrl+S); its comments stay";
+            if ui.button("Save settings").on_hover_text(hint).clicked() {
+                actions.push(PanelAction::SaveConfig);
             }
         });
     });
@@ -102,11 +108,9 @@ fn model(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
             actions.push(PanelAction::Export);
         }
     });
-    if let Some(what) = &state.loading {
-        ui.horizontal(|ui| {
-            ui.spinner();
-            ui.small(what);
-        });
+    if let Some(progress) = &state.loading {
+        ui.add(egui::ProgressBar::new(progress.part).desired_height(8.0));
+        ui.small(&progress.text);
     }
 }
 
@@ -183,7 +187,7 @@ fn pointer(ui: &mut Ui, state: &mut PanelState) {
     let [low, high] = state.depth_range;
     millimetres(ui, &mut state.depth, low, high, "depth", "How far the tip goes under the surface; the wheel while tearing");
     let mut degrees = state.tilt.to_degrees();
-    let lean = Slider::new(&mut degrees, -68.0..=68.0).suffix(" deg").fixed_decimals(0).text("lean");
+    let lean = slider(&mut degrees, -68.0..=68.0).suffix(" deg").fixed_decimals(0).text("lean");
     if ui.add(lean).on_hover_text("Lean of the blade to the right; Shift and the wheel while tearing").changed() {
         state.tilt = degrees.to_radians();
     }
@@ -199,7 +203,9 @@ fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     let mut width = state.config.tear.width * diagonal;
     let hint = "Width of the slit that is taken out; 0 is a slit that takes nothing out";
     let mut changed = millimetres(ui, &mut width, 0.0, 0.1 * diagonal, "width", hint);
-    state.config.tear.width = width / diagonal;
+    if changed {
+        state.config.tear.width = width / diagonal;
+    }
     ui.horizontal(|ui| {
         ui.label("wall");
         for (wall, name) in [(WallMode::Open, "open"), (WallMode::Closed, "closed")] {
@@ -211,9 +217,11 @@ fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         ui.colored_label(WARNING, "A slit of width 0 has no walls.");
     }
     let mut gap = state.config.tear.gap * diagonal;
-    changed |= millimetres(ui, &mut gap, 0.0, 0.1 * diagonal, "opening", "How far the lips of a wound are drawn apart");
-    state.config.tear.gap = gap / diagonal;
-    let time = Slider::new(&mut state.config.tear.opening_time, 0.0..=3.0).suffix(" s").text("opens in");
+    if millimetres(ui, &mut gap, 0.0, 0.1 * diagonal, "opening", "How far the lips of a wound are drawn apart") {
+        state.config.tear.gap = gap / diagonal;
+        changed = true;
+    }
+    let time = slider(&mut state.config.tear.opening_time, 0.0..=3.0).suffix(" s").text("opens in");
     changed |= ui.add(time).on_hover_text("Seconds until a wound stands open").changed();
     if changed {
         actions.push(PanelAction::SettingsChanged);
@@ -241,14 +249,14 @@ fn material(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         PresetName::Sponge => &mut dynamics.sponge,
     };
     let mut changed = false;
-    let mut slider = |slider: Slider<'_>, hint: &str| changed |= ui.add(slider).on_hover_text(hint).changed();
-    slider(
-        Slider::new(&mut values.frequency, 0.2..=20.0).logarithmic(true).suffix(" Hz").text("frequency"),
+    let mut add = |slider: Slider<'_>, hint: &str| changed |= ui.add(slider).on_hover_text(hint).changed();
+    add(
+        slider(&mut values.frequency, 0.2..=20.0).logarithmic(true).suffix(" Hz").text("frequency"),
         "Of a lone particle on its anchor",
     );
-    slider(Slider::new(&mut values.damping, 0.0..=3.0).text("damping"), "Ratio: 0 rings for ever, 1 is critical");
-    slider(
-        Slider::new(&mut values.coupling, 0.0..=8.0).text("coupling"),
+    add(slider(&mut values.damping, 0.0..=3.0).text("damping"), "Ratio: 0 rings for ever, 1 is critical");
+    add(
+        slider(&mut values.coupling, 0.0..=8.0).text("coupling"),
         "Stiffness of a spring to a neighbour, in anchor stiffnesses: how far a push spreads",
     );
     if changed {
@@ -269,7 +277,7 @@ fn animation(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
             }
         }
     });
-    let speed = Slider::new(&mut state.speed, 0.0..=4.0).suffix(" x").text("speed");
+    let speed = slider(&mut state.speed, 0.0..=4.0).suffix(" x").text("speed");
     if ui.add(speed).on_hover_text("Speed of the animation; 1 is the model's own").changed() {
         actions.push(PanelAction::Speed(state.speed));
     }
@@ -287,25 +295,31 @@ fn animation(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
 fn particles(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     let diagonal = state.diagonal;
     let mut spacing = state.spacing.unwrap_or(state.spacing_used);
-    let hint = "Least distance of particles; applies when let go";
+    let hint = "Least distance of particles; they are sampled anew when the slider is let go";
     if millimetres(ui, &mut spacing, 0.01 * diagonal, 0.3 * diagonal, "spacing", hint) {
         state.spacing = Some(spacing);
+        state.stale = true;
     }
     let settings = &mut state.config.particles;
-    ui.add(Slider::new(&mut settings.radius, 1.05..=4.0).suffix(" spacings").text("radius"))
-        .on_hover_text("Reach of a particle's influence; 1.5 spacings or more is smooth");
-    ui.add(Slider::new(&mut settings.neighbours, 0.0..=6.0).suffix(" spacings").text("springs"))
-        .on_hover_text("Particles nearer than this are joined by a spring");
-    ui.horizontal(|ui| {
-        let ready = state.loading.is_none();
-        let hint = "Sample the particles anew with these values; edits are lost";
-        if ui.add_enabled(ready, egui::Button::new("Regenerate")).on_hover_text(hint).clicked() {
+    let radius = slider(&mut settings.radius, 1.05..=4.0).suffix(" spacings").text("radius").max_decimals(2);
+    let hint = "Reach of a particle's influence; 1.5 spacings or more is smooth";
+    state.stale |= ui.add(radius).on_hover_text(hint).changed();
+    let springs = slider(&mut settings.neighbours, 0.0..=6.0).suffix(" spacings").text("springs").max_decimals(2);
+    let hint = "Particles nearer than this are joined by a spring";
+    state.stale |= ui.add(springs).on_hover_text(hint).changed();
+    if !state.stale {
+        return;
+    }
+    if state.undo_depth > 0 {
+        let hint = "Sample the particles with these values on the model as it was loaded";
+        if ui.button("Regenerate, without the edits").on_hover_text(hint).clicked() {
+            state.stale = false;
             actions.push(PanelAction::Regenerate);
         }
-        if ui.button("Save settings").on_hover_text("Write all settings to config.toml").clicked() {
-            actions.push(PanelAction::SaveConfig);
-        }
-    });
+    } else if !ui.input(|i| i.pointer.any_down()) && !ui.ctx().text_edit_focused() {
+        state.stale = false;
+        actions.push(PanelAction::Regenerate);
+    }
 }
 
 fn layers(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
@@ -369,10 +383,15 @@ fn plot(ui: &mut Ui, state: &PanelState) {
 
 const WARNING: Color32 = Color32::from_rgb(225, 150, 70);
 
+/// A slider that leaves a value alone until it is moved: others round and clamp what they only show.
+fn slider<'a>(value: &'a mut f64, range: std::ops::RangeInclusive<f64>) -> Slider<'a> {
+    Slider::new(value, range).clamping(egui::SliderClamping::Edits)
+}
+
 /// A slider in millimetres over metres. Returns whether the value was changed.
 fn millimetres(ui: &mut Ui, metres: &mut f64, low: f64, high: f64, text: &str, hint: &str) -> bool {
     let mut value = *metres * 1e3;
-    let slider = Slider::new(&mut value, low * 1e3..=high * 1e3).suffix(" mm").text(text).max_decimals(2).smart_aim(false);
+    let slider = slider(&mut value, low * 1e3..=high * 1e3).suffix(" mm").text(text).max_decimals(2).smart_aim(false);
     let changed = ui.add(slider).on_hover_text(hint).changed();
     if changed {
         *metres = value / 1e3;
@@ -404,20 +423,29 @@ pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
             state.notice = None;
         }
     }
+    if let Some(file) = &state.hovered {
+        let text = format!("Let go to open {file}");
+        let paint = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("hovered")));
+        paint.rect_filled(free, 0.0, Color32::from_black_alpha(150));
+        paint.text(free.center(), egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(20.0), Color32::WHITE);
+    }
     if state.help {
         let mut open = true;
         egui::Window::new("Mouse and keys")
             .open(&mut open)
             .collapsible(false)
             .resizable(false)
-            .default_pos(free.center() - egui::vec2(230.0, 240.0))
+            .pivot(egui::Align2::CENTER_CENTER)
+            .fixed_pos(free.center())
             .show(ui.ctx(), |ui| {
-                egui::Grid::new("help").num_columns(2).spacing([24.0, 4.0]).striped(true).show(ui, |ui| {
-                    for (keys, what) in HELP {
-                        ui.label(RichText::new(keys).strong());
-                        ui.label(what);
-                        ui.end_row();
-                    }
+                ScrollArea::vertical().max_height((free.height() - 70.0).max(80.0)).show(ui, |ui| {
+                    egui::Grid::new("help").num_columns(2).spacing([20.0, 3.0]).striped(true).show(ui, |ui| {
+                        for (keys, what) in HELP {
+                            ui.label(RichText::new(keys).strong());
+                            ui.label(what);
+                            ui.end_row();
+                        }
+                    });
                 });
             });
         state.help &= open;

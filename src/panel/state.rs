@@ -61,6 +61,15 @@ pub struct Notice {
     pub error: bool,
 }
 
+/// How far the loading of a model is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Progress {
+    /// The model and what is being done with it.
+    pub text: String,
+    /// From 0 to 1.
+    pub part: f32,
+}
+
 /// The paper's rows of one tear, milliseconds a segment.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TimingRow {
@@ -90,13 +99,17 @@ pub struct PanelState {
     /// What is being typed as a path.
     pub path: String,
     /// What is being loaded.
-    pub loading: Option<String>,
+    pub loading: Option<Progress>,
+    /// A file that is held over the window and not let go yet.
+    pub hovered: Option<String>,
     /// What there is to be told.
     pub notice: Option<Notice>,
     /// The settings.
     pub config: Config,
     /// Spacing of particles, where the user has set one.
     pub spacing: Option<f64>,
+    /// The particles that are there are not those of the settings.
+    pub stale: bool,
     /// Spacing in use.
     pub spacing_used: f64,
     /// Diagonal of the model.
@@ -152,9 +165,11 @@ impl Default for PanelState {
             model: String::new(),
             path: String::new(),
             loading: None,
+            hovered: None,
             notice: None,
             config: Config::default(),
             spacing: None,
+            stale: false,
             spacing_used: 0.0,
             diagonal: 1.0,
             counts: [0; 4],
@@ -193,13 +208,17 @@ impl PanelState {
         self.stages = stages;
     }
 
-    /// Tells an error.
+    /// Tells an error, in the window and on stderr.
     pub fn fail(&mut self, text: impl Into<String>) {
-        self.notice = Some(Notice { text: text.into(), error: true });
+        let text = text.into();
+        tracing::warn!("{text}");
+        self.notice = Some(Notice { text, error: true });
     }
 
     /// Tells something.
     pub fn tell(&mut self, text: impl Into<String>) {
-        self.notice = Some(Notice { text: text.into(), error: false });
+        let text = text.into();
+        tracing::info!("{text}");
+        self.notice = Some(Notice { text, error: false });
     }
 }

@@ -124,7 +124,7 @@ impl ParticleMap {
         let orphans: Vec<VertexId> = done.rows_before.iter().map(|row| row.0).filter(lost_all).collect();
         self.adopt(mesh, rest, strips, &orphans);
         for &v in &orphans {
-            strips.note_held(v, rest[v.index()], self.influences.row(v.index()));
+            strips.note_held(v, rest[v.index()], self.influences.row(v.index()), true);
         }
         for j in before..self.len() {
             strips.places.anchors.insert(j as u32, rest[self.anchors[j].index()]);

@@ -52,9 +52,9 @@ impl LinkTests {
         let lips = [anchor, v].map(|end| strips.lip_sides(end));
         // a lip knows its side of its own strips and of those next to them
         let known = match lips[1] {
-            [] => 1..=0,
-            [first, .., last] => first.strip.saturating_sub(1)..=last.strip + 1,
-            [only] => only.strip.saturating_sub(1)..=only.strip + 1,
+            [] => 0..0,
+            [first, .., last] => first.strip.saturating_sub(1)..last.strip + 2,
+            [only] => only.strip.saturating_sub(1)..only.strip + 2,
         };
         let crosses = |&(k, code): &(u32, u16)| {
             if code == 0 || known.contains(&k) {

@@ -451,11 +451,11 @@ impl Strips {
         }
     }
 
-    /// Notes a row of influences, of whatever reach, that was written by other means than an update.
-    pub(super) fn note_held(&mut self, v: VertexId, at: DVec3, row: &[Influence]) {
+    /// Notes a row of influences that was written by other means than an update; `far` unless all are within their radius.
+    pub(super) fn note_held(&mut self, v: VertexId, at: DVec3, row: &[Influence], far: bool) {
         if self.places.is_built {
             row.iter().for_each(|i| self.places.holders.push(i.particle, v, at));
-            self.places.far.push(v);
+            self.places.far.extend(far.then_some(v));
         }
     }
 

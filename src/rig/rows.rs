@@ -88,6 +88,20 @@ impl VertexRows {
     /// Appends the embedded vertex `sum of weight * parent` (parents may be embedded themselves; weights sum to 1).
     /// Terms over the same base vertex are merged, exact zeros dropped, and the row kept sorted by base vertex.
     pub fn push_embedded(&mut self, parents: &[(VertexId, f64)]) -> VertexId {
+        let entry = |base: VertexId, weight: f64| RowEntry { base, padding: 0, weight };
+        match *parents {
+            [(a, wa), (b, wb)] if self.is_base(a) && self.is_base(b) && a != b && wa != 0.0 && wb != 0.0 => {
+                return self.push_row(&if a < b { [entry(a, wa), entry(b, wb)] } else { [entry(b, wb), entry(a, wa)] });
+            }
+            [(a, 1.0)] if self.is_base(a) => return self.push_row(&[entry(a, 1.0)]),
+            [(a, 1.0)] => {
+                let vertex = VertexId::new(self.rest_position.push(self.rest_position[a.index()]));
+                self.rows.push_copy(a.index());
+                self.bones.push_row(&[]);
+                return vertex;
+            }
+            _ => {}
+        }
         let mut row: Vec<RowEntry> = Vec::with_capacity(6);
         for &(parent, weight) in parents {
             let entries = self.rows.row(parent.index());
@@ -100,10 +114,13 @@ impl VertexRows {
         }
         row.retain(|e| e.weight != 0.0);
         row.sort_unstable_by_key(|e| e.base);
-        let vertex = VertexId::new(self.rest_position.len());
+        self.push_row(&row)
+    }
+
+    fn push_row(&mut self, row: &[RowEntry]) -> VertexId {
         let rest: glam::DVec3 = row.iter().map(|e| widen(self.rest_position[e.base.index()]) * e.weight).sum();
-        self.rest_position.push(rest.as_vec3().to_array());
-        self.rows.push_row(&row);
+        let vertex = VertexId::new(self.rest_position.push(rest.as_vec3().to_array()));
+        self.rows.push_row(row);
         self.bones.push_row(&[]);
         vertex
     }
@@ -157,6 +174,13 @@ impl VertexRows {
             }
         }
         Ok(())
+    }
+
+    /// Makes room for what edits will append.
+    pub fn make_room(&mut self) {
+        self.rest_position.make_room();
+        self.rows.make_room();
+        self.bones.make_room();
     }
 
     /// Everything changed since the last call.

@@ -3,13 +3,15 @@
 use super::history::{Change, Unit};
 use super::report::{EditReport, Outcome, PieceReport};
 use super::{Scene, TissueId};
-use crate::geometry::{FaceId, HalfEdge, Plane};
+use crate::geometry::{FaceId, Plane};
 use crate::physics::{RigidPose, RigidShape};
 use crate::surgery::BladePose;
 use crate::surgery::cap::CapOutcome;
+use crate::tissue::measure::Sums;
 use crate::tissue::stroke::TearStroke;
 use crate::tissue::{Tissue, TissueDelta};
 use glam::DVec3;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A user's wish. Positions in model space, metres.
@@ -147,8 +149,8 @@ impl Scene {
 
     fn step_history(&mut self, kind: &'static str, outcome: Outcome, step: impl FnOnce(&mut Self) -> bool) -> EditReport {
         let mut report = EditReport { kind, ..EditReport::default() };
-        for tissue in self.tissues.values() {
-            let measured = tissue.measure_all();
+        for tissue in self.tissues.values_mut() {
+            let measured = tissue.sums().measures;
             report.area_before += measured.area;
             report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
         }
@@ -167,9 +169,10 @@ impl Scene {
         }
         self.last_boxes.clear();
         self.last_slits.clear();
-        for (&id, tissue) in &self.tissues {
+        let before: Vec<Before> = self.tissues.values_mut().map(Before::of).collect();
+        for ((&id, tissue), before) in self.tissues.iter().zip(before) {
             let stroke = TearStroke::new(tissue, width, self.sampling(tissue)).walled(self.wall);
-            self.strokes.push(StrokeOf { id, stroke, before: Before::of(tissue), deltas: Vec::new() });
+            self.strokes.push(StrokeOf { id, stroke, before, deltas: Vec::new() });
         }
     }
 
@@ -230,7 +233,7 @@ impl Scene {
         for id in self.tissues.keys().copied().collect::<Vec<_>>() {
             let Some(tissue) = self.tissues.get_mut(&id) else { continue };
             let local = in_frame(plane, &tissue.frame());
-            let measured = tissue.measure_all();
+            let measured = report.stages.time("report", || tissue.sums().measures);
             report.area_before += measured.area;
             report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
             let promoted = tissue.promoted_vertices();
@@ -252,14 +255,19 @@ impl Scene {
             let off = outcome.new_vertices.iter().map(|n| local.distance(tissue.position(n.vertex)).abs());
             report.max_plane_distance = Some(off.fold(report.max_plane_distance.unwrap_or(0.0), f64::max));
             let rim = self.cut_scratch.split.rim();
-            let mut components =
-                report.stages.time("components", || with_cavities(tissue, &local, rim, tissue.component_faces()));
-            let largest = (0..components.len()).max_by_key(|&c| (components[c].len(), std::cmp::Reverse(c)));
-            components.remove(largest.unwrap_or(0));
-            let made = self.separate(id, components, Vec::new(), &mut unit, &mut report);
-            for id in std::iter::once(id).chain(made) {
-                if let Some(tissue) = self.tissues.get(&id) {
-                    sides.push((id, tissue.side_of(&local)));
+            let mut parts = report.stages.time("components", || tissue.parts_after_cut(&local, rim));
+            let mut known: Vec<_> = report.stages.time("report", || {
+                parts.iter().map(|part| (tissue.measure_part(part), tissue.side_of_part(part, &local))).collect()
+            });
+            let largest = (0..parts.len()).max_by_key(|&c| (parts[c].faces, std::cmp::Reverse(c))).unwrap_or(0);
+            parts.remove(largest);
+            let stays = known.remove(largest);
+            let faces = report.stages.time("components", || parts.iter().map(|p| p.sorted_faces(tissue.mesh())).collect());
+            let made = self.separate(id, faces, Vec::new(), &mut unit, &mut report);
+            for (id, (sums, side)) in std::iter::once(id).chain(made).zip(std::iter::once(stays).chain(known)) {
+                if let Some(tissue) = self.tissues.get_mut(&id) {
+                    tissue.adopt_sums(sums);
+                    sides.push((id, side));
                 }
             }
         }
@@ -297,12 +305,19 @@ impl Scene {
     }
 
     /// Totals over all tissues, and the pieces in CONTRACT's order. `sides` lists tissues with their sides; empty: all.
-    pub(super) fn finish_report(&self, report: &mut EditReport, sides: Vec<(TissueId, i8)>) {
-        let sides = if sides.is_empty() { self.tissues.keys().map(|&id| (id, 0)).collect() } else { sides };
-        report.vertices = self.tissues.values().map(|t| t.mesh().live_vertices().count()).sum();
-        report.faces = self.tissues.values().map(|t| t.mesh().face_count()).sum();
-        report.max_row_entries = self.tissues.values().map(Tissue::longest_row).max().unwrap_or(0);
-        report.pieces = sides.into_iter().filter_map(|(id, side)| Some(piece_report(id, self.tissues.get(&id)?, side))).collect();
+    pub(super) fn finish_report(&mut self, report: &mut EditReport, sides: Vec<(TissueId, i8)>) {
+        let mut stages = std::mem::take(&mut report.stages);
+        stages.time("report", || {
+            let sides = if sides.is_empty() { self.tissues.keys().map(|&id| (id, 0)).collect() } else { sides };
+            report.max_row_entries = self.tissues.values().map(Tissue::longest_row).max().unwrap_or(0);
+            let tissues = &mut self.tissues;
+            let sums: BTreeMap<TissueId, Sums> = tissues.iter_mut().map(|(&id, tissue)| (id, tissue.sums())).collect();
+            report.vertices = sums.values().map(|s| s.vertices).sum();
+            report.faces = sums.values().map(|s| s.measures.faces).sum();
+            let piece = |(id, side)| Some(piece_report(id, tissues.get(&id)?, sums.get(&id)?, side));
+            report.pieces = sides.into_iter().filter_map(piece).collect();
+        });
+        report.stages = stages;
         if report.kind == "cut" {
             report
                 .pieces
@@ -311,33 +326,8 @@ impl Scene {
     }
 }
 
-/// Leaves cavities that the plane did not reach with the piece around them: a component without rim whose faces point inward
-/// (its volume is negative) joins the largest component that the cut made on its side. All others stay pieces of their own.
-fn with_cavities(tissue: &Tissue, plane: &Plane, rim: &[[HalfEdge; 2]], mut components: Vec<Vec<FaceId>>) -> Vec<Vec<FaceId>> {
-    // the cut left at least one component on each side
-    if components.len() < 3 {
-        return components;
-    }
-    let holds = |faces: &[FaceId], side: usize| rim.iter().any(|edge| faces.binary_search(&edge[side].face()).is_ok());
-    let cut_side: Vec<Option<usize>> = components.iter().map(|faces| (0..2).find(|&side| holds(faces, side))).collect();
-    for c in (0..components.len()).rev().filter(|&c| cut_side[c].is_none()) {
-        let faces = &components[c];
-        let side = usize::from(plane.distance(tissue.position(tissue.mesh().face(faces[0])[0])) < 0.0);
-        let around = (0..components.len()).filter(|&k| cut_side[k] == Some(side)).max_by_key(|&k| components[k].len());
-        let measured = tissue.measure(faces.iter().copied());
-        if let Some(around) = around.filter(|_| measured.closed() && measured.volume < 0.0) {
-            let cavity = std::mem::take(&mut components[c]);
-            components[around].extend(cavity);
-            components[around].sort_unstable();
-        }
-    }
-    components.retain(|faces| !faces.is_empty());
-    components
-}
-
-fn piece_report(id: TissueId, tissue: &Tissue, side: i8) -> PieceReport {
-    let m = tissue.measure_all();
-    let origins = tissue.mesh().live_faces().map(|f| tissue.mesh().face_info(f).origin);
+fn piece_report(id: TissueId, tissue: &Tissue, sums: &Sums, side: i8) -> PieceReport {
+    let m = &sums.measures;
     PieceReport {
         tissue: id,
         faces: m.faces,
@@ -348,7 +338,7 @@ fn piece_report(id: TissueId, tissue: &Tissue, side: i8) -> PieceReport {
         non_manifold_edges: m.non_manifold_edges,
         degenerate_faces: m.degenerate_faces,
         side,
-        lowest_origin: origins.min().unwrap_or(u32::MAX),
+        lowest_origin: sums.lowest_origin,
     }
 }
 
@@ -382,8 +372,8 @@ pub(super) fn in_frame(plane: &Plane, frame: &RigidPose) -> Plane {
 }
 
 impl Before {
-    pub(super) fn of(tissue: &Tissue) -> Self {
-        let m = tissue.measure_all();
+    pub(super) fn of(tissue: &mut Tissue) -> Self {
+        let m = tissue.sums().measures;
         let faces = tissue.component_faces();
         let mut component_of_origin = Vec::new();
         for (c, faces) in faces.iter().enumerate() {

@@ -5,8 +5,8 @@
 //! the same triangles, mirrored. Chains of the rim that end at a border of an open model are left alone.
 
 use crate::geometry::{
-    FaceId, FaceInfo, FxHashMap, HalfEdge, Mesh, NewFace, SectionId, TopologyScratch, TriangulationOutcome, Triangulator,
-    VertexId, Wedge, WedgeId,
+    FaceId, FaceInfo, FxHashMap, HalfEdge, Mesh, NO_OPPOSITE, SectionId, TriangulationOutcome, Triangulator, VertexId, Wedge,
+    WedgeId,
 };
 use glam::{DVec2, DVec3};
 
@@ -38,15 +38,12 @@ pub struct CapDress {
 #[derive(Debug, Default)]
 pub struct CapScratch {
     triangulator: Triangulator,
-    topology: TopologyScratch,
     sides: [Side; 2],
     points: Vec<[f64; 2]>,
     at: FxHashMap<HalfEdge, u32>,
     local_of: FxHashMap<VertexId, u32>,
     taken: Vec<[u32; 2]>,
     wedges: Vec<WedgeId>,
-    faces: Vec<NewFace>,
-    rim: Vec<HalfEdge>,
 }
 
 /// Loops of one side. Rim edge `i` stands for the vertex that its half-edge leaves.
@@ -62,6 +59,8 @@ struct Side {
     /// Loops of two edges: they are zipped.
     pairs: Vec<[u32; 2]>,
     triangles: Vec<[u32; 3]>,
+    /// Half-edge across from each of theirs, [`NO_OPPOSITE`] along the rim.
+    opposite: Vec<u32>,
 }
 
 const NONE: u32 = u32::MAX;
@@ -101,12 +100,14 @@ pub fn cap(
         if s == 1 && taken.is_empty() && mirrored(&scratch.sides) {
             let [first, second] = &mut scratch.sides;
             let twin = |t: &[u32; 3]| [t[0], t[2], t[1]].map(|i| second.next[i as usize]);
-            second.triangles = first.triangles.iter().map(twin).collect();
+            second.triangles.extend(first.triangles.iter().map(twin));
+            // edge k, run backwards, is edge 2 - k of the twin
+            let back = |h: u32| if h == NO_OPPOSITE { h } else { h - h % 3 + (2 - h % 3) };
+            second.opposite.extend(first.opposite.chunks_exact(3).flat_map(|t| [t[2], t[1], t[0]]).map(back));
         } else {
             triangulate(mesh, rim, s, taken, scratch, &mut outcome.triangulation);
         }
-        stitch(mesh, rim, s, (dress.material, across), |v| normal(v, outward), scratch);
-        outcome.added_faces.extend_from_slice(&scratch.topology.added);
+        stitch(mesh, rim, s, (dress.material, across), |v| normal(v, outward), scratch, &mut outcome.added_faces);
         if s == 0 {
             outcome.positive_faces = outcome.added_faces.len();
         }
@@ -123,15 +124,44 @@ fn frame(normal: DVec3) -> (DVec3, DVec3) {
 /// Links the rim of one side and collects its loops.
 fn trace(mesh: &Mesh, rim: &[[HalfEdge; 2]], s: usize, scratch: &mut CapScratch) {
     let CapScratch { sides, at, .. } = scratch;
-    let side = &mut sides[s];
+    let [first_side, second_side] = sides;
     at.clear();
-    at.extend(rim.iter().zip(0..).map(|(edge, i)| (edge[s], i)));
-    side.next.clear();
-    side.next.extend(rim.iter().map(|edge| {
-        // the only open half-edge that leaves the vertex comes first in its fan; what replacing faces has joined is not open
-        let open = mesh.opposite(edge[s]).is_none().then(|| mesh.fan(mesh.to(edge[s])).next()).flatten();
-        open.and_then(|h| at.get(&h).copied()).unwrap_or(NONE)
-    }));
+    let open = |j: u32| mesh.opposite(rim[j as usize][s]).is_none();
+    let begins = |j: u32, v: VertexId| mesh.from(rim[j as usize][s]) == v && open(j);
+    // where the rim goes on is mostly next to where it is, and on the second side where the first comes from
+    let next = |i: u32, guess: Option<u32>, at: &mut FxHashMap<HalfEdge, u32>| {
+        if !open(i) {
+            return NONE;
+        }
+        let v = mesh.to(rim[i as usize][s]);
+        if let Some(j) = guess.filter(|&j| begins(j, v)) {
+            return j;
+        }
+        if at.is_empty() {
+            at.extend(rim.iter().zip(0..).map(|(edge, i)| (edge[s], i)));
+        }
+        // the only open half-edge that leaves a vertex comes first in its fan
+        mesh.fan(v).next().and_then(|h| at.get(&h).copied()).unwrap_or(NONE)
+    };
+    let side = if s == 0 {
+        first_side.next.clear();
+        for i in 0..rim.len() as u32 {
+            let guess = Some(i + 1).filter(|&j| (j as usize) < rim.len());
+            first_side.next.push(next(i, guess, at));
+        }
+        first_side
+    } else {
+        second_side.next.clear();
+        second_side.next.resize(rim.len(), NONE);
+        for (i, &j) in first_side.next.iter().enumerate().filter(|(_, j)| **j != NONE) {
+            second_side.next[j as usize] = i as u32;
+        }
+        for i in 0..rim.len() as u32 {
+            let guess = Some(second_side.next[i as usize]).filter(|&j| j != NONE);
+            second_side.next[i as usize] = next(i, guess, at);
+        }
+        second_side
+    };
     side.closed.clear();
     side.closed.extend(rim.iter().map(|edge| mesh.opposite(edge[s]).is_some()));
     side.corners.clear();
@@ -139,6 +169,7 @@ fn trace(mesh: &Mesh, rim: &[[HalfEdge; 2]], s: usize, scratch: &mut CapScratch)
     side.starts.push(0);
     side.pairs.clear();
     side.triangles.clear();
+    side.opposite.clear();
     for first in 0..rim.len() as u32 {
         if side.closed[first as usize] {
             continue;
@@ -198,12 +229,13 @@ fn triangulate(
         local_taken.extend(taken.iter().filter_map(|&[a, b]| Some([local(a)?, local(b)?])));
     }
     let one = triangulator.triangulate(points, &side.corners, &side.starts, local_taken, &mut side.triangles);
+    side.opposite.extend_from_slice(triangulator.opposite());
     sum.forced_ears += one.forced_ears;
     sum.fans += one.fans;
     sum.repeated_edges += one.repeated_edges;
 }
 
-/// Puts the triangles of one side into the mesh.
+/// Puts the triangles of one side into the mesh, joined to each other and to the rim.
 fn stitch(
     mesh: &mut Mesh,
     rim: &[[HalfEdge; 2]],
@@ -211,8 +243,9 @@ fn stitch(
     (material, across): (u32, f64),
     normal: impl Fn(VertexId) -> [f32; 3],
     scratch: &mut CapScratch,
+    added: &mut Vec<FaceId>,
 ) {
-    let CapScratch { topology, sides, points, wedges, faces, rim: open, .. } = scratch;
+    let CapScratch { sides, points, wedges, .. } = scratch;
     let side = &sides[s];
     wedges.clear();
     wedges.resize(rim.len(), WedgeId::NONE);
@@ -224,14 +257,19 @@ fn stitch(
     }
     let section = side.corners.first().map_or(SectionId(0), |&i| mesh.face_info(rim[i as usize][s].face()).section);
     let info = FaceInfo { material, origin: u32::MAX, section };
-    faces.clear();
-    faces.extend(side.triangles.iter().map(|t| NewFace {
-        corners: t.map(|i| mesh.from(rim[i as usize][s])),
-        wedges: t.map(|i| wedges[i as usize]),
-        info,
-        side: 0,
-    }));
-    open.clear();
-    open.extend(side.corners.iter().map(|&i| rim[i as usize][s]));
-    mesh.line_rim(open.iter().copied(), faces, topology);
+    let first = added.len();
+    added.extend(side.triangles.iter().map(|_| mesh.put_slot(info)));
+    for (t, corners) in side.triangles.iter().enumerate() {
+        let f = added[first + t];
+        let across = std::array::from_fn(|k| match side.opposite[3 * t + k] {
+            // the loop runs against the rim: its edge lies across from the half-edge that leaves its end
+            NO_OPPOSITE => rim[corners[(k + 1) % 3] as usize][s],
+            h => HalfEdge::of(added[first + h as usize / 3], h as usize % 3),
+        });
+        mesh.write_face(f, corners.map(|i| mesh.from(rim[i as usize][s])), corners.map(|i| wedges[i as usize]), across);
+        for k in (0..3).filter(|&k| side.opposite[3 * t + k] == NO_OPPOSITE) {
+            debug_assert_eq!(mesh.to(across[k]), mesh.face(f)[k]);
+            mesh.face_across(across[k], HalfEdge::of(f, k));
+        }
+    }
 }

@@ -136,6 +136,22 @@ impl WedgeMaker {
     }
 }
 
+/// Attributes at parameter `t` from wedge `a` to wedge `b` (MATHS 1.5); vertex and group are those of `a`.
+pub(super) fn along_edge(a: &Wedge, b: &Wedge, t: f64) -> Wedge {
+    let mix = |x: f32, y: f32| (f64::from(x) * (1.0 - t) + f64::from(y) * t) as f32;
+    let normal = Vec3::from_array(std::array::from_fn(|k| mix(a.normal[k], b.normal[k])));
+    let channel = |k: u32| {
+        let [x, y] = [a.colour, b.colour].map(|c| f64::from(c >> (8 * k) & 0xff));
+        ((x * (1.0 - t) + y * t).round() as u32) << (8 * k)
+    };
+    Wedge {
+        uv: std::array::from_fn(|k| mix(a.uv[k], b.uv[k])),
+        normal: normal.try_normalize().map_or(a.normal, |n| n.to_array()),
+        colour: if a.colour == b.colour { a.colour } else { (0..4).fold(0, |all, k| all | channel(k)) },
+        ..*a
+    }
+}
+
 /// Attributes blended with the weights of the row (MATHS 1.5).
 fn blend(corners: &[(Wedge, f64)], vertex: VertexId) -> Wedge {
     let sum = |f: &dyn Fn(&Wedge) -> f64| corners.iter().map(|(w, t)| f(w) * t).sum::<f64>();

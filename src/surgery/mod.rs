@@ -11,6 +11,7 @@ pub mod leaf;
 pub mod path_sampler;
 pub mod plane_cut;
 pub mod plane_from_hand;
+mod plane_split;
 pub mod region;
 pub mod slit;
 pub mod stroke;

@@ -195,8 +195,11 @@ impl PathSampler {
 
     fn leg(&self, sample: &BladePose, from: BladePose, to: BladePose) -> Leg {
         let axis = sample.up();
-        // Of a blade much longer than the model only the part that can reach it counts.
-        let reach = |p: &BladePose| p.tip + p.up() * (p.base - p.tip).length().min(self.sampling.diagonal);
+        // Of a blade much longer than the model only the part that can reach it counts: one and the same part all along the leg,
+        // so that a point between two poses moves evenly, as the blade does.
+        let longest = (from.base - from.tip).length().max((to.base - to.tip).length());
+        let part = (self.sampling.diagonal / longest).min(1.0);
+        let reach = |p: &BladePose| p.tip + (p.base - p.tip) * part;
         let across = |seen: DVec3, a: DVec3, b: DVec3| (reject(a - seen, axis), reject(b - a, axis));
         Leg {
             from,
@@ -320,6 +323,15 @@ mod tests {
     }
 
     #[test]
+    fn a_blade_that_grows_beyond_the_model_moves_evenly() {
+        let long = BladePose { t: 0.1, tip: DVec3::new(0.05, 0.0, 0.0), base: DVec3::new(0.2, 3.0, 0.4) };
+        let short = BladePose { t: 0.2, tip: DVec3::new(0.08, 0.0, 0.0), base: DVec3::new(0.1, 0.3, 0.0) };
+        let out = run(&[pose(0.0, [0.0; 3]), long, short, long]);
+        assert!(out.len() < 400, "{} samples", out.len());
+        assert!(out.windows(2).all(|w| w[0].pose != w[1].pose));
+    }
+
+    #[test]
     fn wild_input_is_bounded() {
         let nan = BladePose { t: 0.0, tip: DVec3::NAN, base: DVec3::ZERO };
         let out = run(&[nan, pose(0.0, [0.0; 3]), nan, pose(0.0, [1e9, 0.0, 0.0]), pose(-1.0, [0.0; 3])]);
@@ -330,12 +342,13 @@ mod tests {
     proptest! {
         #[test]
         fn spacing_is_bounded_and_every_pose_is_near_a_sample(
-            points in proptest::collection::vec((0.0f64..0.1, -0.2f64..0.2, -0.2f64..0.2, -0.2f64..0.2, -0.3f64..0.3), 2..12)
+            points in proptest::collection::vec(
+                (0.0f64..0.1, -0.2f64..0.2, -0.2f64..0.2, -0.2f64..0.2, -0.3f64..0.3, 0.1f64..4.0), 2..12)
         ) {
             let mut t = 0.0;
-            let poses: Vec<_> = points.iter().map(|&(dt, x, y, z, lean)| {
+            let poses: Vec<_> = points.iter().map(|&(dt, x, y, z, lean, length)| {
                 t += dt;
-                BladePose { t, tip: DVec3::new(x, y, z), base: DVec3::new(x + lean, y + 0.3, z) }
+                BladePose { t, tip: DVec3::new(x, y, z), base: DVec3::new(x + lean * length, y + length, z) }
             }).collect();
             let out = run(&poses);
             let all: Vec<_> = out.iter().filter(|s| s.kind != SampleKind::Axial).collect();

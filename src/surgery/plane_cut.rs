@@ -5,19 +5,20 @@
 //! lie on the plane goes to the side of the solid behind it, so that no flat piece is cut off. A plane with nothing strictly
 //! on one of its sides only grazes the model: a miss.
 
-use super::clip::edge_parameter;
-use super::insert::{EdgePoints, NewVertex, WedgeMaker};
-use crate::geometry::{FaceId, HalfEdge, Mesh, NewFace, Plane, SplitVertex, TopologyScratch, VertexId, WedgeId};
+use super::insert::NewVertex;
+use super::plane_split::{Crossed, FaceSplitter, NO_EDGE};
+use crate::geometry::{FaceId, HalfEdge, Mesh, Plane, SplitVertex, TopologyScratch, VertexId};
 use glam::DVec3;
 
-/// Sides of new faces.
+/// Sides of faces.
 const POSITIVE: u8 = 1;
 const NEGATIVE: u8 = 2;
 
 /// What a plane cut did to the mesh.
 #[derive(Clone, Debug, Default)]
 pub struct PlaneCutOutcome {
-    /// Vertices inserted, in order of their ids: crossings first, then copies of vertices split between the sides.
+    /// Vertices inserted, in order of their ids: for each crossed edge one on the positive side and its copy on the negative,
+    /// then copies of vertices that lay on the plane.
     pub new_vertices: Vec<NewVertex>,
     /// Crossed edges.
     pub intersection_points: usize,
@@ -27,7 +28,7 @@ pub struct PlaneCutOutcome {
     pub opened_edges: usize,
     /// Faces looked at.
     pub faces_visited: usize,
-    /// Faces that came out of split ones.
+    /// Parts of split faces.
     pub added_faces: Vec<FaceId>,
 }
 
@@ -38,32 +39,38 @@ impl PlaneCutOutcome {
     }
 }
 
+/// A vertex that the cut has looked at.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Visited {
+    /// Value of the plane, exact in sign.
+    pub value: f64,
+    /// Final position.
+    pub position: DVec3,
+}
+
 /// Buffers kept between cuts.
 #[derive(Debug, Default)]
 pub struct PlaneCutScratch {
-    /// Values of the vertices that were looked at: those whose `seen` is the cut's number.
-    values: Vec<f64>,
-    seen: Vec<u32>,
-    cut: u32,
+    /// The cut that looked at a vertex last, and the vertex's place in `visited`.
+    slots: Vec<[u32; 2]>,
+    pub(super) visited: Vec<Visited>,
+    /// The cut that found a face crossed and has not split it yet, and the face's place in `crossed`.
+    pub(super) waiting: Vec<[u32; 2]>,
+    pub(super) crossed: Vec<Crossed>,
+    pub(super) cut: u32,
     /// Vertices before the cut.
     loaded: usize,
-    removed: Vec<FaceId>,
-    added: Vec<NewFace>,
-    edge_points: EdgePoints,
-    wedges: WedgeMaker,
     topology: TopologyScratch,
     on_plane: Vec<VertexId>,
     incident: Vec<FaceId>,
     split: Vec<SplitVertex>,
-    /// Of each split face: the two sides of its cut, as places in `added` and corners.
-    cuts: Vec<[(u32, u8); 2]>,
-    rim: Vec<[HalfEdge; 2]>,
+    pub(super) rim: Vec<[HalfEdge; 2]>,
     taken: Vec<[VertexId; 2]>,
 }
 
 impl PlaneCutScratch {
     /// Edges along which the last cut opened the surface: the half-edge on the positive side, then its partner on the negative.
-    /// What a cap is made from (MATHS 6).
+    /// What a cap is made from (MATHS 6). Those of split faces follow one another along the cut.
     pub fn rim(&self) -> &[[HalfEdge; 2]] {
         &self.rim
     }
@@ -72,6 +79,12 @@ impl PlaneCutScratch {
     /// them again. Empty unless vertices lay on the plane before the last cut.
     pub fn taken(&self) -> &[[VertexId; 2]] {
         &self.taken
+    }
+
+    /// Value of the plane of the last cut at a vertex that it looked at, exact in sign.
+    pub fn value(&self, v: VertexId) -> Option<f64> {
+        let &[cut, place] = self.slots.get(v.index())?;
+        (cut == self.cut).then(|| self.visited[place as usize].value)
     }
 }
 
@@ -108,24 +121,24 @@ pub fn plane_cut_within(
     if !classify(mesh, plane, reach, &position, scratch) {
         return outcome;
     }
-    split_faces(mesh, reach.faces, &position, scratch, &mut outcome);
-    outcome.intersection_points = outcome.new_vertices.len();
-    outcome.faces_split = scratch.removed.len();
+    scratch.rim.clear();
     collect_incident(mesh, scratch);
-    let sides = Sides { values: &scratch.values, seen: (&scratch.seen, scratch.cut), position: &position, plane };
-    outcome.opened_edges = open_edges_on_plane(mesh, &scratch.incident, &sides, &mut scratch.rim);
-    if !scratch.removed.is_empty() {
-        mesh.replace_faces(&scratch.removed, &scratch.added, |corners| sides.of(corners), &mut scratch.topology);
-        outcome.added_faces.extend_from_slice(&scratch.topology.added);
+    if !scratch.on_plane.is_empty() {
+        // faces at such an edge are not split, so this may go first, while every vertex still has one fan
+        outcome.opened_edges = open_edges_on_plane(mesh, plane, &position, scratch);
     }
-    let half_edge = |(face, corner): (u32, u8)| HalfEdge::of(scratch.topology.added[face as usize], usize::from(corner));
-    scratch.rim.extend(scratch.cuts.iter().map(|cut| cut.map(half_edge)));
-    split_vertices(mesh, &position, scratch, &mut outcome);
+    FaceSplitter { mesh: &mut *mesh, scratch: &mut *scratch, outcome: &mut outcome }.split_all();
+    outcome.intersection_points = outcome.new_vertices.len() / 2;
+    outcome.faces_split = scratch.crossed.len();
+    if !scratch.on_plane.is_empty() {
+        split_vertices(mesh, &position, scratch, &mut outcome);
+    }
     collect_taken(mesh, scratch);
     outcome
 }
 
-/// Values of the corners of all faces within reach, exact in sign. True if some vertices lie strictly on each side.
+/// Values of the corners of all faces within reach, exact in sign, each vertex posed once; collects the crossed faces. True if
+/// some vertices lie strictly on each side.
 fn classify(
     mesh: &Mesh,
     plane: &Plane,
@@ -133,38 +146,68 @@ fn classify(
     position: &impl Fn(VertexId) -> DVec3,
     scratch: &mut PlaneCutScratch,
 ) -> bool {
-    let PlaneCutScratch { values, seen, cut, on_plane, loaded, .. } = scratch;
-    *loaded = mesh.vertex_slots();
-    if *cut == u32::MAX {
-        seen.clear();
-        *cut = 0;
-    }
-    *cut += 1;
-    values.resize(values.len().max(*loaded), 0.0);
-    seen.resize(seen.len().max(*loaded), 0);
-    on_plane.clear();
+    scratch.begin(mesh);
+    let PlaneCutScratch { slots, visited, waiting, crossed, cut, on_plane, .. } = scratch;
     let [mut above, mut below] = reach.beyond;
     for &f in reach.faces {
-        for v in mesh.face(f) {
-            if std::mem::replace(&mut seen[v.index()], *cut) == *cut {
-                continue;
+        let corners = mesh.face(f).map(|v| {
+            let slot = &mut slots[v.index()];
+            if slot[0] != *cut {
+                *slot = [*cut, visited.len() as u32];
+                let position = position(v);
+                let value = plane.value(position);
+                visited.push(Visited { value, position });
+                above |= value > 0.0;
+                below |= value < 0.0;
+                if value == 0.0 {
+                    on_plane.push(v);
+                }
             }
-            let value = plane.value(position(v));
-            above |= value > 0.0;
-            below |= value < 0.0;
-            values[v.index()] = value;
-            if value == 0.0 {
-                on_plane.push(v);
-            }
+            slot[1]
+        });
+        let [a, b, c] = corners.map(|at| visited[at as usize].value);
+        if a.max(b).max(c) > 0.0 && a.min(b).min(c) < 0.0 {
+            waiting[f.index()] = [*cut, crossed.len() as u32];
+            let edge = |falls: bool| {
+                let ends = [[a, b], [b, c], [c, a]];
+                ends.iter().position(|e| if falls { e[0] > 0.0 && e[1] < 0.0 } else { e[0] < 0.0 && e[1] > 0.0 })
+            };
+            let [entry, exit] = [true, false].map(|falls| edge(falls).map_or(NO_EDGE, |k| k as u8));
+            crossed.push(Crossed { face: f, corners, entry, exit });
         }
     }
     above && below
 }
 
+impl PlaneCutScratch {
+    fn begin(&mut self, mesh: &Mesh) {
+        self.loaded = mesh.vertex_slots();
+        if self.cut == u32::MAX {
+            self.slots.fill([0; 2]);
+            self.waiting.fill([0; 2]);
+            self.cut = 0;
+        }
+        self.cut += 1;
+        grow(&mut self.slots, mesh.vertex_slots());
+        grow(&mut self.waiting, mesh.face_slots());
+        self.visited.clear();
+        self.crossed.clear();
+        self.on_plane.clear();
+    }
+}
+
+/// Room for `len` stamps. A fresh array of zeros costs nothing until it is touched.
+fn grow(stamps: &mut Vec<[u32; 2]>, len: usize) {
+    if stamps.is_empty() {
+        *stamps = vec![[0; 2]; len + len / 4];
+    } else if stamps.len() < len {
+        stamps.resize(len + len / 4, [0; 2]);
+    }
+}
+
 /// Tells the side of a face that the plane does not cross.
 struct Sides<'a, P> {
-    values: &'a [f64],
-    seen: (&'a [u32], u32),
+    scratch: &'a PlaneCutScratch,
     position: &'a P,
     plane: &'a Plane,
 }
@@ -172,7 +215,7 @@ struct Sides<'a, P> {
 impl<P: Fn(VertexId) -> DVec3> Sides<'_, P> {
     fn value(&self, v: VertexId) -> f64 {
         // a face at the rim may have a corner that no face within reach has
-        if self.seen.0[v.index()] == self.seen.1 { self.values[v.index()] } else { self.plane.value((self.position)(v)) }
+        self.scratch.value(v).unwrap_or_else(|| self.plane.value((self.position)(v)))
     }
 
     fn of(&self, corners: [VertexId; 3]) -> u8 {
@@ -185,134 +228,24 @@ impl<P: Fn(VertexId) -> DVec3> Sides<'_, P> {
     }
 }
 
-fn split_faces(
-    mesh: &mut Mesh,
-    faces: &[FaceId],
-    position: &impl Fn(VertexId) -> DVec3,
-    scratch: &mut PlaneCutScratch,
-    outcome: &mut PlaneCutOutcome,
-) {
-    scratch.removed.clear();
-    scratch.added.clear();
-    scratch.cuts.clear();
-    scratch.rim.clear();
-    scratch.edge_points.clear();
-    scratch.wedges.clear();
-    for &f in faces {
-        let values = mesh.face(f).map(|v| scratch.values[v.index()]);
-        if values.iter().any(|&d| d < 0.0) && values.iter().any(|&d| d > 0.0) {
-            split_face(mesh, f, values, position, scratch, outcome);
-        }
-    }
-}
-
-/// Vertices and wedges of a face to be.
-type Corners = [(VertexId, WedgeId); 3];
-
-/// Splits a face with corners on both sides: into two where a corner lies on the plane, else into three.
-fn split_face(
-    mesh: &mut Mesh,
-    f: FaceId,
-    values: [f64; 3],
-    position: &impl Fn(VertexId) -> DVec3,
-    scratch: &mut PlaneCutScratch,
-    outcome: &mut PlaneCutOutcome,
-) {
-    let (corners, wedges, info) = (mesh.face(f), mesh.face_wedges(f), mesh.face_info(f));
-    // start at the corner that is alone on its side, or at the one on the plane
-    let sign = |k: usize| (values[k] > 0.0) as i32 - (values[k] < 0.0) as i32;
-    let apex =
-        (0..3).find(|&k| sign(k) == 0).or_else(|| (0..3).find(|&k| sign(k) != sign((k + 1) % 3) && sign(k) != sign((k + 2) % 3)));
-    let Some(i) = apex else { return };
-    let (j, k) = ((i + 1) % 3, (i + 2) % 3);
-    let mut crossing = |mesh: &mut Mesh, scratch: &mut PlaneCutScratch, a: usize, b: usize| {
-        let ends = [(corners[a], values[a]), (corners[b], values[b])];
-        let vertex = edge_vertex(mesh, ends, position, scratch, outcome);
-        let t = edge_parameter(values[a], values[b]);
-        (vertex, scratch.wedges.on_edge(mesh, vertex, wedges[a], wedges[b], t))
-    };
-    let corner = |c: usize| (corners[c], wedges[c]);
-    let side = |c: usize| if values[c] < 0.0 { NEGATIVE } else { POSITIVE };
-    let mut faces: [Option<(Corners, u8)>; 3] = [None; 3];
-    // where the cut runs in the first face, and in which other face it runs back from which corner
-    let (cut, back);
-    if values[i] == 0.0 {
-        (cut, back) = (2, (1, 0));
-        let m = crossing(mesh, scratch, j, k);
-        faces[0] = Some(([corner(i), corner(j), m], side(j)));
-        faces[1] = Some(([corner(i), m, corner(k)], side(k)));
-    } else {
-        let (p, q) = (crossing(mesh, scratch, i, j), crossing(mesh, scratch, k, i));
-        faces[0] = Some(([corner(i), p, q], side(i)));
-        // the quadrangle p, j, k, q along its better diagonal
-        let at = |mesh: &Mesh, v: VertexId| point(mesh, v, position, outcome);
-        let [pp, pj, pk, pq] = [p.0, corners[j], corners[k], q.0].map(|v| at(mesh, v));
-        let along_pk = shape(pp, pj, pk).min(shape(pp, pk, pq));
-        let along_jq = shape(pp, pj, pq).min(shape(pj, pk, pq));
-        (cut, back) = (1, (if along_pk >= along_jq { 2 } else { 1 }, 2));
-        if along_pk >= along_jq {
-            faces[1] = Some(([p, corner(j), corner(k)], side(j)));
-            faces[2] = Some(([p, corner(k), q], side(j)));
-        } else {
-            faces[1] = Some(([p, corner(j), q], side(j)));
-            faces[2] = Some(([corner(j), corner(k), q], side(j)));
-        }
-    }
-    let first = scratch.added.len() as u32;
-    let ends = [(first, cut), (first + back.0, back.1)];
-    let first_is_positive = faces[0].is_some_and(|face| face.1 == POSITIVE);
-    scratch.cuts.push(if first_is_positive { ends } else { [ends[1], ends[0]] });
-    scratch.removed.push(f);
-    for (points, side) in faces.into_iter().flatten() {
-        scratch.added.push(NewFace { corners: points.map(|p| p.0), wedges: points.map(|p| p.1), info, side });
-    }
-}
-
-fn point(mesh: &Mesh, v: VertexId, position: &impl Fn(VertexId) -> DVec3, outcome: &PlaneCutOutcome) -> DVec3 {
-    let first_new = mesh.vertex_slots() - outcome.new_vertices.len();
-    if v.index() >= first_new { outcome.new_vertices[v.index() - first_new].position } else { position(v) }
-}
-
-/// The vertex where the plane crosses an edge; made at the first face that asks.
-fn edge_vertex(
-    mesh: &mut Mesh,
-    ends: [(VertexId, f64); 2],
-    position: &impl Fn(VertexId) -> DVec3,
-    scratch: &mut PlaneCutScratch,
-    outcome: &mut PlaneCutOutcome,
-) -> VertexId {
-    let [(a, value_a), (b, value_b)] = if ends[0].0 < ends[1].0 { ends } else { [ends[1], ends[0]] };
-    if let Some(vertex) = scratch.edge_points.find(a, b, 0) {
-        return vertex;
-    }
-    let vertex = mesh.add_vertex();
-    scratch.edge_points.insert((a, value_a), (b, value_b), 0, vertex);
-    let t = edge_parameter(value_a, value_b);
-    let parents = [(a, 1.0 - t), (b, t), (VertexId::NONE, 0.0)];
-    outcome.new_vertices.push(NewVertex { vertex, parents, parent_count: 2, position: position(a).lerp(position(b), t) });
-    scratch.on_plane.push(vertex);
-    vertex
-}
-
-/// Faces around the vertices that lay on the plane before the cut.
+/// Faces around the vertices that lie on the plane.
 fn collect_incident(mesh: &Mesh, scratch: &mut PlaneCutScratch) {
     scratch.incident.clear();
-    let loaded = scratch.loaded;
-    for &v in scratch.on_plane.iter().filter(|v| v.index() < loaded) {
+    for &v in &scratch.on_plane {
         scratch.incident.extend(mesh.fan(v).map(HalfEdge::face));
     }
 }
 
-/// Opens edges that lie in the plane between faces of different sides; returns how many. Such faces have two corners on
-/// the plane and are never split, so this goes before the splitting, while every vertex still has one fan.
-fn open_edges_on_plane<P: Fn(VertexId) -> DVec3>(
+/// Opens edges that lie in the plane between faces of different sides; returns how many.
+fn open_edges_on_plane(
     mesh: &mut Mesh,
-    incident: &[FaceId],
-    sides: &Sides<P>,
-    rim: &mut Vec<[HalfEdge; 2]>,
+    plane: &Plane,
+    position: &impl Fn(VertexId) -> DVec3,
+    scratch: &mut PlaneCutScratch,
 ) -> usize {
-    let mut opened = 0;
-    for h in incident.iter().flat_map(|&f| (0..3).map(move |k| HalfEdge::of(f, k))) {
+    let mut rim = std::mem::take(&mut scratch.rim);
+    let sides = Sides { scratch, position, plane };
+    for h in scratch.incident.iter().flat_map(|&f| (0..3).map(move |k| HalfEdge::of(f, k))) {
         let back = mesh.opposite(h);
         if back.is_none() || sides.value(mesh.from(h)) != 0.0 || sides.value(mesh.to(h)) != 0.0 {
             continue;
@@ -321,10 +254,10 @@ fn open_edges_on_plane<P: Fn(VertexId) -> DVec3>(
         if side != sides.of(mesh.face(back.face())) {
             mesh.open_edge(h);
             rim.push(if side == POSITIVE { [h, back] } else { [back, h] });
-            opened += 1;
         }
     }
-    opened
+    scratch.rim = rim;
+    scratch.rim.len()
 }
 
 /// Gives each side its own copy of the vertices on the plane.
@@ -337,13 +270,10 @@ fn split_vertices(
     scratch.incident.extend_from_slice(&outcome.added_faces);
     scratch.split.clear();
     mesh.split_fans(&scratch.on_plane, &scratch.incident, &mut scratch.topology, &mut scratch.split);
-    let first_new = scratch.loaded;
+    let loaded = scratch.loaded;
     for split in &scratch.split {
-        let position = if split.from.index() < first_new {
-            position(split.from)
-        } else {
-            outcome.new_vertices[split.from.index() - first_new].position
-        };
+        debug_assert!(split.from.index() < loaded, "only vertices on the plane fall into fans");
+        let position = position(split.from);
         let parents = [(split.from, 1.0), (VertexId::NONE, 0.0), (VertexId::NONE, 0.0)];
         outcome.new_vertices.push(NewVertex { vertex: split.vertex, parents, parent_count: 1, position });
     }
@@ -352,18 +282,14 @@ fn split_vertices(
 /// Edges in the plane that stay closed, between vertices that lay on the plane and their copies.
 fn collect_taken(mesh: &Mesh, scratch: &mut PlaneCutScratch) {
     scratch.taken.clear();
-    let loaded = scratch.loaded;
-    let mut on_plane: Vec<VertexId> = scratch.on_plane.iter().copied().filter(|v| v.index() < loaded).collect();
-    on_plane.extend(scratch.split.iter().filter(|s| s.from.index() < loaded).map(|s| s.vertex));
+    if scratch.on_plane.is_empty() {
+        return;
+    }
+    let mut on_plane = scratch.on_plane.clone();
+    on_plane.extend(scratch.split.iter().map(|s| s.vertex));
     on_plane.sort_unstable();
     for &v in &on_plane {
         let around = mesh.fan(v).filter(|&h| mesh.opposite(h).is_some()).map(|h| [v, mesh.to(h)]);
         scratch.taken.extend(around.filter(|edge| edge[0] < edge[1] && on_plane.binary_search(&edge[1]).is_ok()));
     }
-}
-
-/// Shape of a triangle: doubled area over the longest side squared.
-fn shape(a: DVec3, b: DVec3, c: DVec3) -> f64 {
-    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
-    if longest > 0.0 { (b - a).cross(c - a).length() / longest } else { 0.0 }
 }

@@ -14,6 +14,7 @@ const FLAT: f64 = 1e-11;
 pub struct FacetMesh {
     rings: Vec<Vec<u32>>,
     ring: Vec<u32>,
+    corners: Vec<Corner>,
 }
 
 impl FacetMesh {
@@ -89,32 +90,67 @@ impl FacetMesh {
     /// Cuts ears, the best-shaped proper one first; where there is none, the least bad one.
     fn clip_ears(&mut self, points: &[[f64; 2]], out: &mut Vec<[u32; 3]>) {
         let mut ring = std::mem::take(&mut self.ring);
+        let mut corners = std::mem::take(&mut self.corners);
         cancel_spikes(&mut ring);
+        corners.clear();
+        corners.resize(ring.len(), Corner::default());
         while ring.len() > 3 {
             let n = ring.len();
             let corner = |i: usize| [ring[(i + n - 1) % n], ring[i], ring[(i + 1) % n]];
-            let mut best = (FLAT, None);
-            let mut forced = (f64::NEG_INFINITY, 0);
-            for i in 0..n {
-                let t = corner(i);
-                let quality = shape(points, t);
-                if quality > best.0 && !ring.iter().any(|&p| blocks(points, t, p)) {
-                    best = (quality, Some(i));
-                }
-                if quality > forced.0 {
-                    forced = (quality, i);
-                }
+            for (i, known) in corners.iter_mut().enumerate().filter(|(_, c)| c.quality.is_nan()) {
+                *known = Corner { quality: shape(points, corner(i)), blocker: None };
             }
-            let i = best.1.unwrap_or(forced.1);
+            let best = loop {
+                let mut best = (FLAT, None);
+                for (i, known) in corners.iter().enumerate() {
+                    if known.quality > best.0 && known.blocker.is_none() {
+                        best = (known.quality, Some(i));
+                    }
+                }
+                let Some(i) = best.1 else { break None };
+                corners[i].blocker = blocker(points, corner(i), &ring);
+                if corners[i].blocker.is_none() {
+                    break Some(i);
+                }
+            };
+            let forced = || (0..n).reduce(|a, b| if corners[b].quality > corners[a].quality { b } else { a }).unwrap_or(0);
+            let i = best.unwrap_or_else(forced);
             out.push(corner(i));
-            ring.remove(i);
+            let gone = ring.remove(i);
+            corners.remove(i);
+            let spiked = ring.len();
             cancel_spikes(&mut ring);
+            if ring.len() < spiked {
+                corners.clear();
+                corners.resize(ring.len(), Corner::default());
+                continue;
+            }
+            // its neighbours have other corners now, and those that it was in the way of may be ears
+            for k in [(i + n - 2) % (n - 1), i % (n - 1)] {
+                corners[k] = Corner::default();
+            }
+            corners.iter_mut().filter(|c| c.blocker == Some(gone)).for_each(|c| c.blocker = None);
         }
         if let [a, b, c] = ring[..] {
             out.push([a, b, c]);
         }
         ring.clear();
-        self.ring = ring;
+        (self.ring, self.corners) = (ring, corners);
+    }
+}
+
+/// What is known of a corner of the ring that ears are cut from.
+#[derive(Clone, Copy, Debug)]
+struct Corner {
+    /// Its [`shape`]; NaN where it is to be worked out.
+    quality: f64,
+    /// A point that keeps it from being an ear; none where there is none or none was looked for.
+    blocker: Option<u32>,
+}
+
+impl Default for Corner {
+    fn default() -> Self {
+        Self { quality: f64::NAN, blocker: None }
     }
 }
 
@@ -160,15 +196,20 @@ fn shape(points: &[[f64; 2]], t: [u32; 3]) -> f64 {
     if longest > 0.0 { orient2d(p, q, r) / longest } else { 0.0 }
 }
 
-/// True if `p` lies in the closed triangle, or off it by rounding, and is none of its corners.
-fn blocks(points: &[[f64; 2]], t: [u32; 3], p: u32) -> bool {
-    if t.contains(&p) {
-        return false;
-    }
+/// A point of the ring that lies in the closed triangle, or off it by rounding, and is none of its corners.
+fn blocker(points: &[[f64; 2]], t: [u32; 3], ring: &[u32]) -> Option<u32> {
     let [a, b, c] = t.map(|i| points[i as usize]);
-    let p = points[p as usize];
-    let rounding = -FLAT * squared(a, b).max(squared(b, c)).max(squared(c, a));
-    orient2d(a, b, p) >= rounding && orient2d(b, c, p) >= rounding && orient2d(c, a, p) >= rounding
+    let longest = squared(a, b).max(squared(b, c)).max(squared(c, a));
+    let rounding = -FLAT * longest;
+    // a flat triangle is met, within rounding, by points beyond its ends, but none further than its length
+    let reach = longest.sqrt();
+    let low: [f64; 2] = std::array::from_fn(|d| a[d].min(b[d]).min(c[d]) - reach);
+    let high: [f64; 2] = std::array::from_fn(|d| a[d].max(b[d]).max(c[d]) + reach);
+    let blocks = |p: [f64; 2]| {
+        let is_near = (0..2).all(|d| p[d] >= low[d] && p[d] <= high[d]);
+        is_near && orient2d(a, b, p) >= rounding && orient2d(b, c, p) >= rounding && orient2d(c, a, p) >= rounding
+    };
+    ring.iter().copied().find(|&p| !t.contains(&p) && blocks(points[p as usize]))
 }
 
 /// Even-odd rule with exact sides.

@@ -2,10 +2,13 @@
 //! and the plane cut itself. Tears are in [`super::stroke`].
 
 use super::walls::LONGEST_ROW;
-use super::{Posed, Tissue};
+use super::{Posed, SoftLayer, Tissue};
 use crate::diagnostics::Stages;
 use crate::geometry::{Plane, VertexId};
-use crate::particles::{Influence, LipVertex, MapEdit, MapUpdateReport, update_after_edit};
+use crate::particles::{
+    Influence, LipVertex, MapEdit, MapUpdateReport, ParticleMap, PlaneCutVertices, update_after_edit, update_after_plane_cut,
+};
+use crate::rig::final_position;
 use crate::surgery::cap::{CapDress, CapOutcome, CapScratch, cap};
 use crate::surgery::insert::NewVertex;
 use crate::surgery::plane_cut::{PlaneCutOutcome, PlaneCutScratch, Reach, plane_cut_within};
@@ -31,35 +34,46 @@ impl Tissue {
         if outcome.missed() {
             return (outcome, CapOutcome::default());
         }
-        let capped = stages.time("caps", || self.cap(plane, scratch));
+        let capped = stages.time("caps", || self.cap(plane, &outcome, scratch));
         (outcome, capped)
     }
 
-    fn cap(&mut self, plane: &Plane, scratch: &mut CutScratch) -> CapOutcome {
+    fn cap(&mut self, plane: &Plane, split: &PlaneCutOutcome, scratch: &mut CutScratch) -> CapOutcome {
         let dress = CapDress { normal: plane.normal(), material: self.cap_material() };
         let rest_normal = |tissue: &Posed<'_>, v: VertexId, normal: DVec3| {
+            if tissue.pose.joint_matrices.is_empty() {
+                return normal.as_vec3().to_array();
+            }
             // cofactors take it to `normal` in this pose
             let linear = tissue.pose.blended_linear(tissue.rows, v);
             (linear.transpose() * normal).try_normalize().unwrap_or(normal).as_vec3().to_array()
         };
         let (mesh, posed) = self.split_borrow();
         let (rim, taken) = (scratch.split.rim(), scratch.split.taken());
-        let position = |v: VertexId| posed.position(v);
+        let new = &split.new_vertices;
+        let first_new = new.first().map_or(u32::MAX, |n| n.vertex.0);
+        let position = |v: VertexId| match v.0.checked_sub(first_new) {
+            Some(i) => new[i as usize].position,
+            None => posed.position(v),
+        };
         let normal = |v: VertexId, n: DVec3| rest_normal(&posed, v, n);
         let outcome = cap(mesh, rim, taken, dress, position, normal, &mut scratch.cap);
         let (positive, negative) = outcome.added_faces.split_at(outcome.positive_faces);
-        for faces in [positive, negative] {
+        for (s, faces) in [positive, negative].into_iter().enumerate() {
             if let Some(&first) = faces.first() {
-                let vertices: Vec<VertexId> = faces.iter().flat_map(|&f| self.mesh.face(f)).collect();
-                self.widen_section(self.mesh.face_info(first).section, vertices.into_iter());
+                // the cap's corners, and those of chains that got none
+                let corners: Vec<VertexId> = scratch.split.rim().iter().map(|edge| self.mesh.from(edge[s])).collect();
+                self.widen_section(self.mesh.face_info(first).section, corners.into_iter());
             }
         }
         outcome
     }
 
     /// Cuts the tissue in place along `plane` (tissue space) in the pose the user sees. The surface is opened along the
-    /// plane; pieces are told apart by [`Tissue::component_faces`]. Untouched on a miss.
+    /// plane; pieces are told apart by [`Tissue::component_faces`]. Untouched on a miss. Particles hold vertices of the other
+    /// side that they held before until the pieces are taken apart.
     pub fn cut(&mut self, plane: &Plane, scratch: &mut PlaneCutScratch, stages: &mut Stages) -> PlaneCutOutcome {
+        let key = self.position_key();
         let outcome = stages.time("split", || {
             self.refresh_sections();
             let mut faces = std::mem::take(&mut self.scratch.faces);
@@ -72,16 +86,57 @@ impl Tissue {
         });
         if !outcome.missed() {
             stages.time("rows", || self.add_vertices(&outcome.new_vertices));
-            stages.time("particle_map", || self.update_map(&outcome.new_vertices, &[], 0..0, &[]));
+            if stages.time("particle_map", || self.map_plane_cut(plane, scratch, &outcome)) {
+                self.positions_kept(key);
+            }
             self.versions.structure += 1;
         }
         outcome
     }
 
+    /// Influences of the vertices that a plane cut made, and fades that hold them on the plane. False if other vertices may have
+    /// got fades too.
+    fn map_plane_cut(&mut self, plane: &Plane, cut: &PlaneCutScratch, outcome: &PlaneCutOutcome) -> bool {
+        let still = self.is_still();
+        let new = &outcome.new_vertices;
+        let (pairs, copies) = new.split_at(2 * outcome.intersection_points);
+        let Self { mesh, rows, rest, pose, fades, layer, time_s, scratch, .. } = &mut *self;
+        let mut all_held = true;
+        if let Some(SoftLayer { map, strips, network, settings, .. }) = layer {
+            let copies: Vec<_> = copies.iter().map(|n| (n.vertex, n.parents[0].0)).collect();
+            let pairs = pairs.chunks_exact(2).map(|p| ([p[0].vertex, p[1].vertex], [p[0].parents[0].0, p[0].parents[1].0]));
+            let displacements: &[DVec3] = bytemuck::cast_slice(network.displacements());
+            let value = |map: &ParticleMap, v: VertexId| {
+                let influences = map.influences.row(v.index()).iter();
+                let moved = influences.map(|i| (displacements[i.particle.index()], f64::from(i.weight)));
+                cut.value(v).unwrap_or_else(|| plane.value(final_position(rows, pose, fades, *time_s, v, moved)))
+            };
+            let on_positive_side = |map: &ParticleMap, v: VertexId| match value(map, v) {
+                // on the plane: the side of the faces that are left around it
+                0.0 => mesh.fan(v).map(|h| cut.value(mesh.to(h)).unwrap_or(0.0)).find(|&d| d != 0.0).is_none_or(|d| d > 0.0),
+                d => d > 0.0,
+            };
+            let made = PlaneCutVertices { pairs, copies: &copies };
+            all_held = update_after_plane_cut(rest, map, strips, made, on_positive_side, settings, &mut scratch.plane_update);
+        }
+        if !all_held {
+            self.update_map(new, &[], 0..0, &[]);
+        } else if still {
+            // what was promoted has a rest position of its own, rounded; all others stand on the plane by their rows
+            let promoted: Vec<_> = new.iter().filter(|n| self.rows.is_base(n.vertex)).map(|n| (n.vertex, n.position)).collect();
+            self.fade_from(promoted.into_iter());
+        } else {
+            self.fade_from(new.iter().map(|n| (n.vertex, n.position)));
+        }
+        all_held
+    }
+
     /// The mesh to edit, and everything that final positions need.
     pub(super) fn split_borrow(&mut self) -> (&mut crate::geometry::Mesh, Posed<'_>) {
-        let Self { mesh, rows, pose, fades, layer, time_s, .. } = self;
-        (mesh, Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s })
+        let still = self.is_still();
+        let Self { mesh, rows, rest, pose, fades, layer, time_s, .. } = self;
+        let rest = (still && pose.joint_matrices.is_empty()).then_some(rest.as_slice());
+        (mesh, Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still, rest })
     }
 
     /// Rows and rest positions of inserted vertices.

@@ -52,7 +52,9 @@ impl Tissue {
             Some(layer) => (layer.map.apply_delta(delta.map), layer.strips.apply_delta(delta.strips)),
             None => Default::default(),
         };
-        TissueDelta { mesh: self.mesh.apply_delta(delta.mesh), rows: self.rows.apply_delta(delta.rows), map, strips }
+        let mesh = self.mesh.apply_delta(delta.mesh);
+        self.note_travel(&mesh);
+        TissueDelta { mesh, rows: self.rows.apply_delta(delta.rows), map, strips }
     }
 
     /// Brings the arrays derived from rows to their length.
@@ -84,8 +86,15 @@ impl Tissue {
         self.rows.rows.spans().iter().map(|s| s.len as usize).max().unwrap_or(0)
     }
 
-    /// The side of `plane` (tissue space) that the tissue lies on: by the vertex farthest from it.
+    /// The side of `plane` (tissue space) that the tissue lies on: by its sections, as a cut has brought them to the pose, or by
+    /// the vertex farthest from the plane.
     pub fn side_of(&self, plane: &Plane) -> i8 {
+        let mut near = Vec::new();
+        match self.faces_across(plane, &mut near) {
+            [true, false] if near.is_empty() => return 1,
+            [false, true] if near.is_empty() => return -1,
+            _ => {}
+        }
         let distances = self.mesh.live_vertices().map(|v| plane.distance(self.position(v)));
         let farthest = distances.fold(0.0f64, |m, d| if d.abs() > m.abs() { d } else { m });
         if farthest < 0.0 { -1 } else { 1 }

@@ -1,21 +1,207 @@
-//! Areas, volumes and counts of a tissue or of a part of it, in the pose the user sees.
+//! Areas, volumes and counts of a tissue or of a part of it, in the pose the user sees. Sums are kept section by section, so
+//! that a report after an edit measures what the edit has changed.
 
 use super::Tissue;
-use crate::geometry::measure::measure_faces;
-use crate::geometry::{FaceId, Measures, VertexId};
+use crate::geometry::measure::{OpenEdge, measure_faces, open_edges};
+use crate::geometry::{FaceId, Measures, Part, Plane, SectionGraph, SectionId, VertexId};
 use glam::DVec3;
+
+/// What a report says of a tissue or of a part of it.
+#[derive(Clone, Debug)]
+pub struct Sums {
+    /// Areas, volumes, edges.
+    pub measures: Measures,
+    /// Live vertices.
+    pub vertices: usize,
+    /// Lowest face of the model as loaded that it has a part of; `u32::MAX` if none.
+    pub lowest_origin: u32,
+}
+
+/// What is known of a tissue's sections.
+#[derive(Debug, Default)]
+pub(super) struct Tally {
+    graph: SectionGraph,
+    /// Measures of each section without edges, and how many of its half-edges are open.
+    sections: Vec<(Measures, usize)>,
+    /// What final positions hung on when the sections were measured.
+    key: Option<[u64; 3]>,
+    /// The whole tissue.
+    whole: Option<Sums>,
+}
 
 impl Tissue {
     /// Measures `faces` at their final positions. f64 sums; square and cubic metres.
     pub fn measure(&self, faces: impl Iterator<Item = FaceId>) -> Measures {
-        measure_faces(&self.mesh, faces, |v| self.position(v))
+        let posed = self.posed();
+        measure_faces(&self.mesh, faces, |v| posed.position(v))
     }
 
     /// Measures the whole tissue.
     pub fn measure_all(&self) -> Measures {
-        // each vertex is posed once, not once for each of its faces
-        let position = |v: VertexId| if self.mesh.vertex_is_live(v) { self.position(v) } else { DVec3::ZERO };
-        let positions: Vec<DVec3> = (0..self.mesh.vertex_slots()).map(|v| position(VertexId::new(v))).collect();
+        let positions = self.positions();
         measure_faces(&self.mesh, self.mesh.live_faces(), |v| positions[v.index()])
+    }
+
+    /// Final positions of all live vertices, each posed once.
+    fn positions(&self) -> Vec<DVec3> {
+        let posed = self.posed();
+        let position = |v: VertexId| if self.mesh.vertex_is_live(v) { posed.position(v) } else { DVec3::ZERO };
+        (0..self.mesh.vertex_slots()).map(|v| position(VertexId::new(v))).collect()
+    }
+
+    /// Everything that final positions hang on now, but for the rows: equal keys, equal positions.
+    pub(super) fn position_key(&self) -> [u64; 3] {
+        if self.is_still() {
+            return [self.versions.pose, u64::MAX, u64::MAX];
+        }
+        let time = if self.fades.running(self.time_s) { self.time_s.to_bits() } else { 0 };
+        let displacements = self.layer.as_ref().map_or(&[][..], |l| l.displacements());
+        let mut hash = crate::geometry::StateHash::default();
+        hash.bytes(bytemuck::cast_slice(displacements));
+        [self.versions.pose, hash.finish() ^ time, self.versions.fades]
+    }
+
+    /// After an edit that moved no vertex it did not make: what was measured with `before` still holds.
+    pub(super) fn positions_kept(&mut self, before: [u64; 3]) {
+        if self.tally.key == Some(before) {
+            self.tally.key = Some(self.position_key());
+        }
+    }
+
+    /// To be called before a delta is taken.
+    pub(super) fn note_edits(&mut self) {
+        if self.tally.graph.note_edits(&self.mesh) {
+            self.tally.whole = None;
+        }
+    }
+
+    /// To be called after going back or forth by a delta.
+    pub(super) fn note_travel(&mut self, inverse: &crate::geometry::MeshDelta) {
+        self.tally.graph.note_delta(&self.mesh, inverse);
+        self.tally.whole = None;
+    }
+
+    /// Brings the sums of all sections to what they are now.
+    pub(super) fn refresh_tally(&mut self) {
+        let mut tally = std::mem::take(&mut self.tally);
+        let key = Some(self.position_key());
+        let (mesh, posed) = (&self.mesh, self.posed());
+        tally.sections.resize(mesh.sections(), (Measures::EMPTY, 0));
+        let mut open: Vec<OpenEdge> = Vec::new();
+        let mut measured = |faces: &[FaceId], position: &dyn Fn(VertexId) -> DVec3| {
+            let mut measures = Measures::EMPTY;
+            measures.add_faces(mesh, faces.iter().copied(), position);
+            open.clear();
+            open_edges(mesh, faces.iter().copied(), &mut open);
+            (measures, open.len())
+        };
+        if tally.key == key {
+            let Tally { graph, sections, .. } = &mut tally;
+            graph.refresh(mesh, |s, faces| sections[s.index()] = measured(faces, &|v| posed.position(v)));
+        } else {
+            let positions = self.positions();
+            tally.graph.refresh(mesh, |_, _| {});
+            let mut faces = Vec::new();
+            for (s, sums) in tally.sections.iter_mut().enumerate() {
+                faces.clear();
+                faces.extend(mesh.section_faces(SectionId::new(s)));
+                *sums = measured(&faces, &|v| positions[v.index()]);
+            }
+            tally.key = key;
+        }
+        self.tally = tally;
+    }
+
+    /// What a report says of the whole tissue. Measures the sections that have changed since the last call, or all if the
+    /// tissue has moved.
+    pub fn sums(&mut self) -> Sums {
+        self.note_edits();
+        if let Some(sums) = &self.tally.whole
+            && self.tally.key == Some(self.position_key())
+        {
+            return sums.clone();
+        }
+        self.refresh_tally();
+        let mut measures = Measures::EMPTY;
+        self.tally.sections.iter().for_each(|s| measures.add(&s.0));
+        let mut open = Vec::new();
+        for s in (0..self.tally.sections.len()).filter(|&s| self.tally.sections[s].1 > 0) {
+            open_edges(&self.mesh, self.mesh.section_faces(SectionId::new(s)), &mut open);
+        }
+        measures.count_edges(&mut open);
+        let (vertices, lowest_origin) = self.tally.graph.totals();
+        let sums = Sums { measures, vertices, lowest_origin };
+        debug_assert!(self.are_right(&sums, 1e-9), "{sums:?} and {:?}", self.measure_all());
+        self.tally.whole = Some(sums.clone());
+        sums
+    }
+
+    fn are_right(&self, sums: &Sums, tolerance: f64) -> bool {
+        let (known, new) = (sums.measures, self.measure_all());
+        let counts = |m: &Measures| [m.faces, m.boundary_edges, m.non_manifold_edges];
+        let near = |a: f64, b: f64, scale: f64| (a - b).abs() <= tolerance * scale.max(f64::MIN_POSITIVE);
+        let reach = new.max.abs().max(new.min.abs()).max_element();
+        counts(&known) == counts(&new)
+            && near(known.area, new.area, new.area)
+            && near(known.volume, new.volume, new.area * reach)
+            && sums.vertices == self.mesh.live_vertices().count()
+    }
+
+    /// Sets what [`Tissue::sums`] would find, from what a part that has become this tissue was measured as.
+    pub fn adopt_sums(&mut self, sums: Sums) {
+        self.note_edits();
+        // fades, in f32, hold the vertices of the piece
+        debug_assert!(self.are_right(&sums, 1e-5), "{sums:?} and {:?}", self.measure_all());
+        self.tally.whole = Some(sums);
+        if self.tally.key.is_none() {
+            self.tally.key = Some(self.position_key());
+            self.tally.sections.clear();
+        }
+    }
+
+    /// The connected components, by their lowest face. Looks only at faces of sections that have changed since the last
+    /// [`Tissue::sums`].
+    pub fn parts(&mut self) -> Vec<Part> {
+        let parts = self.tally.graph.parts(&self.mesh);
+        debug_assert!(parts.iter().map(|p| p.sorted_faces(&self.mesh)).eq(self.component_faces()), "a part is not a component");
+        parts
+    }
+
+    /// Measures a part that [`Tissue::parts`] has found.
+    pub fn measure_part(&self, part: &Part) -> Sums {
+        let posed = self.posed();
+        let known = self.tally.key == Some(self.position_key());
+        let (mut measures, mut open) = (Measures::EMPTY, Vec::new());
+        for &s in &part.sections {
+            let (sums, open_half_edges) = self.tally.sections.get(s.index()).copied().unwrap_or((Measures::EMPTY, 1));
+            let faces = || self.mesh.section_faces(s);
+            if known && self.tally.graph.is_fresh(s) {
+                measures.add(&sums);
+            } else {
+                measures.add_faces(&self.mesh, faces(), |v| posed.position(v));
+            }
+            if open_half_edges > 0 {
+                open_edges(&self.mesh, faces(), &mut open);
+            }
+        }
+        measures.add_faces(&self.mesh, part.loose.iter().copied(), |v| posed.position(v));
+        open_edges(&self.mesh, part.loose.iter().copied(), &mut open);
+        measures.count_edges(&mut open);
+        Sums { measures, vertices: part.vertices, lowest_origin: part.lowest_origin }
+    }
+
+    /// The side of `plane` (tissue space) that a part lies on, +1 or -1: by a vertex well off it, or the farthest there is.
+    pub fn side_of_part(&self, part: &Part, plane: &Plane) -> i8 {
+        let mut farthest = 0.0f64;
+        for v in part.all_faces(&self.mesh).flat_map(|f| self.mesh.face(f)) {
+            let distance = plane.distance(self.position(v));
+            if distance.abs() > farthest.abs() {
+                farthest = distance;
+            }
+            if farthest.abs() > 1e-3 * self.diagonal {
+                break;
+            }
+        }
+        if farthest < 0.0 { -1 } else { 1 }
     }
 }

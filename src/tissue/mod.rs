@@ -1,6 +1,7 @@
 //! A tissue: mesh, rig, particles and dynamics of one soft body. Tissue space is metres relative to the tissue's origin.
 
 mod bounded_cut;
+mod cavities;
 pub mod edit;
 pub mod forces;
 mod history;
@@ -14,8 +15,11 @@ pub mod touch;
 mod walls;
 
 use crate::formats::{Material, Model};
+use crate::geometry::sections::{cluster_faces, join_strays};
 use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, StateHash, VertexId};
-use crate::particles::{ParticleMap, ParticleMapDelta, ParticleSettings, Strips, StripsDelta, UpdateScratch, sample};
+use crate::particles::{
+    ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
+};
 use crate::physics::direct_displacement::target;
 use crate::physics::{Network, NetworkSettings, NetworkTopology, RigidPose, StepScratch};
 use crate::rig::{Fades, Pose, PoseScratch, Rig, VertexRows, VertexRowsDelta, final_position};
@@ -98,6 +102,7 @@ pub struct Tissue {
     opening_s: f64,
     /// Rows that grew too long and became base vertices, so far.
     promoted_vertices: usize,
+    tally: measure::Tally,
 }
 
 /// All that final positions depend on, apart from the mesh.
@@ -107,10 +112,23 @@ struct Posed<'a> {
     fades: &'a Fades,
     layer: Option<&'a SoftLayer>,
     time_s: f64,
+    /// True if nothing displaces a vertex: its skinned position is its final one.
+    still: bool,
+    /// Final positions as they lie there, if no joint moves anything either.
+    rest: Option<&'a [DVec3]>,
 }
 
 impl Posed<'_> {
+    #[inline]
     fn position(&self, v: VertexId) -> DVec3 {
+        match self.rest {
+            Some(rest) => rest[v.index()],
+            None if self.still => self.pose.skin(self.rows, v),
+            None => self.displaced(v),
+        }
+    }
+
+    fn displaced(&self, v: VertexId) -> DVec3 {
         let (row, displacements) = match self.layer {
             // a vertex inserted a moment ago has no row yet
             Some(layer) if v.index() < layer.map.influences.rows() => {
@@ -131,6 +149,7 @@ struct TissueScratch {
     pose: PoseScratch,
     step: StepScratch,
     update: UpdateScratch,
+    plane_update: PlaneUpdateScratch,
     extraction: Extraction,
     rest_displacements: Vec<[f64; 3]>,
     /// Held particles: id, anchor as skinned, displacement.
@@ -243,6 +262,7 @@ impl Tissue {
             section_faces: settings.section_faces,
             opening_s: settings.opening_s,
             promoted_vertices: 0,
+            tally: measure::Tally::default(),
         };
         tissue.build_sections();
         let (low, high) = tissue.bounds();
@@ -253,6 +273,8 @@ impl Tissue {
             tissue.layer = Some(layer);
         }
         tissue.discard_delta();
+        tissue.make_room();
+        tissue.refresh_tally();
         Ok(tissue)
     }
 
@@ -272,7 +294,8 @@ impl Tissue {
     }
 
     fn build_sections(&mut self) {
-        let (count, section) = crate::geometry::sections::cluster_faces(&self.mesh, |v| self.rest[v.index()], self.section_faces);
+        let (count, mut section) = cluster_faces(&self.mesh, |v| self.rest[v.index()], self.section_faces);
+        join_strays(&self.mesh, count, &mut section);
         self.mesh.assign_sections(count, &section);
         self.sections = SectionBounds::build(&self.mesh, &self.rows);
         self.refresh_sections();
@@ -363,7 +386,21 @@ impl Tissue {
     /// Final position of a vertex as the user sees it, tissue space (MATHS 2.1, 2.2).
     pub fn position(&self, v: VertexId) -> DVec3 {
         let Self { rows, pose, fades, layer, time_s, .. } = self;
-        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s }.position(v)
+        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still: false, rest: None }.displaced(v)
+    }
+
+    /// [`Tissue::position`] for many vertices.
+    fn posed(&self) -> Posed<'_> {
+        let still = self.is_still();
+        let Self { rows, rest, pose, fades, layer, time_s, .. } = self;
+        let rest = (still && pose.joint_matrices.is_empty()).then_some(rest.as_slice());
+        Posed { rows, pose, fades, layer: layer.as_ref(), time_s: *time_s, still, rest }
+    }
+
+    /// True if neither particles nor fades displace anything now: final positions are skinned ones, bit for bit.
+    fn is_still(&self) -> bool {
+        let at_rest = |l: &SoftLayer| l.displacements().iter().all(|u| *u == DVec3::ZERO);
+        self.layer.as_ref().is_none_or(at_rest) && !self.fades.running(self.time_s)
     }
 
     /// Carries a posed point (tissue space) to rest space with the frame of vertex `v`.
@@ -453,11 +490,22 @@ impl Tissue {
 
     /// Everything that edits have changed since the last call.
     pub fn take_delta(&mut self) -> TissueDelta {
+        self.note_edits();
         let (map, strips) = match &mut self.layer {
             Some(layer) => (layer.map.take_delta(), layer.strips.take_delta()),
             None => Default::default(),
         };
         TissueDelta { mesh: self.mesh.take_delta(), rows: self.rows.take_delta(), map, strips }
+    }
+
+    /// Makes room in every array for what edits append, so that none is copied as a whole in an edit.
+    fn make_room(&mut self) {
+        self.mesh.make_room();
+        self.rows.make_room();
+        self.rest.reserve(self.rest.len() / 8 + 256);
+        if let Some(layer) = &mut self.layer {
+            layer.map.influences.make_room();
+        }
     }
 
     fn discard_delta(&mut self) {

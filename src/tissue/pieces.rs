@@ -62,6 +62,7 @@ impl Tissue {
             sections: self.sections.extract(&map.section_from),
             scratch: Default::default(),
             touch: Default::default(),
+            tally: Default::default(),
             forces: self.forces.fresh(),
             ..*self
         };

@@ -248,7 +248,7 @@ impl TearStroke {
         let reach = if planes.start == 0 { (high - low).max_element() } else { 1e-9 * tissue.diagonal() };
         let margin = DVec3::splat(reach);
         let hit = report.stages.time("perform_tear", || {
-            tissue.faces_near(low - margin, high + margin, &mut self.candidates);
+            planes.faces_within(tissue, (low - margin, high + margin), &mut self.candidates);
             let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
             let (at, seen) = (tear_box.blades[1][1], &self.positions);
             let walls = (self.wall == WallMode::Closed).then(|| WallSpec {
@@ -445,6 +445,22 @@ impl BoxPlanes {
             all.edge_planes[1][k] = second;
         }
         all
+    }
+
+    /// Faces of the sections that reach into the box; `low` and `high` are its bounds.
+    fn faces_within(&self, tissue: &Tissue, (low, high): (DVec3, DVec3), out: &mut Vec<FaceId>) {
+        let slack = 1e-9 * tissue.diagonal();
+        let mut outward = [(DVec3::ZERO, 0.0); MAX_PLANES];
+        for (known, plane) in outward.iter_mut().zip(&self.planes) {
+            *known = (plane.normal(), plane.distance(DVec3::ZERO));
+        }
+        let meets = |l: DVec3, h: DVec3| {
+            let (middle, half) = ((l + h) / 2.0, (h - l) / 2.0);
+            let beyond = |&(n, d): &(DVec3, f64)| n.dot(middle) + d > n.abs().dot(half) + slack;
+            !(l.cmpgt(high).any() || h.cmplt(low).any() || outward.iter().any(beyond))
+        };
+        out.clear();
+        out.extend(tissue.faces_where(meets));
     }
 
     /// Draws the start plane back by half the box. Where the tissue moves, the end of the slit does not stay in a plane, and

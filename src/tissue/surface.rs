@@ -10,14 +10,13 @@ impl Tissue {
     /// Call [`Tissue::refresh_sections`] first.
     pub(super) fn faces_near(&self, low: DVec3, high: DVec3, out: &mut Vec<FaceId>) {
         out.clear();
-        out.extend(self.faces_of_sections_near(low, high));
+        out.extend(self.faces_where(move |l, h| !(l.cmpgt(high).any() || h.cmplt(low).any())));
     }
 
-    /// The same faces without a list.
-    fn faces_of_sections_near(&self, low: DVec3, high: DVec3) -> impl Iterator<Item = FaceId> + '_ {
+    /// Faces of the sections whose widened posed bounds, low and high, satisfy `meets`.
+    pub(super) fn faces_where(&self, meets: impl Fn(DVec3, DVec3) -> bool) -> impl Iterator<Item = FaceId> {
         let widen = self.widening();
-        let near =
-            move |bounds: &(DVec3, DVec3)| !((bounds.0 - widen.1).cmpgt(high).any() || (bounds.1 + widen.0).cmplt(low).any());
+        let near = move |bounds: &(DVec3, DVec3)| meets(bounds.0 - widen.1, bounds.1 + widen.0);
         let sections = self.sections.current().iter().enumerate().filter(move |(_, bounds)| near(bounds));
         sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)))
     }
@@ -36,7 +35,8 @@ impl Tissue {
     pub(super) fn faces_across(&self, plane: &Plane, out: &mut Vec<FaceId>) -> [bool; 2] {
         out.clear();
         let widen = self.widening();
-        let size = plane.normal().abs();
+        let normal = plane.normal();
+        let (size, level) = (normal.abs(), plane.distance(DVec3::ZERO));
         let mut beyond = [false; 2];
         for (s, &(low, high)) in self.sections.current().iter().enumerate() {
             let mut faces = self.mesh.section_faces(SectionId::new(s)).peekable();
@@ -44,7 +44,7 @@ impl Tissue {
                 continue;
             }
             let (low, high) = (low - widen.1, high + widen.0);
-            let (middle, reach) = (plane.distance((low + high) / 2.0), size.dot((high - low) / 2.0));
+            let (middle, reach) = (normal.dot((low + high) / 2.0) + level, size.dot((high - low) / 2.0));
             match middle {
                 m if m > reach => beyond[0] = true,
                 m if m < -reach => beyond[1] = true,
@@ -66,7 +66,7 @@ impl Tissue {
     }
 
     /// How far particles and fades may carry a vertex along each axis: (towards high, towards low), metres (MATHS 5.8).
-    fn widening(&self) -> (DVec3, DVec3) {
+    pub(super) fn widening(&self) -> (DVec3, DVec3) {
         let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
         let (mut high, mut low) = (margin, margin);
         if let Some(layer) = &self.layer {
@@ -100,7 +100,7 @@ impl Tissue {
     /// by index counts.
     pub(super) fn blade_entry_at(&self, tip: DVec3, base: DVec3, position: impl Fn(VertexId) -> DVec3) -> Option<(f64, FaceId)> {
         let mut first: Option<(f64, FaceId)> = None;
-        for f in self.faces_of_sections_near(tip.min(base), tip.max(base)) {
+        for f in self.faces_where(|low, high| segment_meets_box(tip, base, low, high)) {
             if let Some(s) = segment_triangle(base, tip, self.mesh.face(f).map(&position))
                 && first.is_none_or(|best| (s, f) < best)
             {
@@ -112,6 +112,21 @@ impl Tissue {
         let leaves = (b - a).cross(c - a).dot(tip - base) > 0.0;
         Some((if leaves { 0.0 } else { s }, f))
     }
+}
+
+/// False only if the segment `p -> q` misses the box.
+fn segment_meets_box(p: DVec3, q: DVec3, low: DVec3, high: DVec3) -> bool {
+    let (half, half_way) = ((high - low) / 2.0, (q - p) / 2.0);
+    let (middle, reach) = ((p + q) / 2.0 - (low + high) / 2.0, half_way.abs());
+    if middle.abs().cmpgt(half + reach).any() {
+        return false;
+    }
+    // the axes across the segment and an edge of the box, by more than rounding
+    let turn = half_way.cross(middle).abs();
+    let most =
+        DVec3::new(half.y * reach.z + half.z * reach.y, half.z * reach.x + half.x * reach.z, half.x * reach.y + half.y * reach.x);
+    let slack = 1e-12 * (reach.length() + half.length()) * (middle.length() + half.length());
+    turn.cmple(most + slack).all()
 }
 
 /// Parameter at which the segment `p -> q` meets a triangle, edges and corners included; `None` if it does not, or lies in its
@@ -134,6 +149,30 @@ fn segment_triangle(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_segment_meets_the_boxes_that_its_points_are_in() {
+        let mut drawn = 0;
+        let mut unit = || {
+            drawn += 1;
+            (crate::particles::random::draw(5, drawn) >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let mut at = |scale: f64| DVec3::new(unit(), unit(), unit()) * scale;
+        let mut missed = 0;
+        for _ in 0..2000 {
+            let (p, q) = (at(3.0), at(3.0));
+            let low = at(2.5);
+            let high = low + at(0.7);
+            let inside = (0..=400).any(|i| {
+                let x = p.lerp(q, f64::from(i) / 400.0);
+                x.cmpge(low).all() && x.cmple(high).all()
+            });
+            let meets = segment_meets_box(p, q, low, high);
+            assert!(meets || !inside);
+            missed += usize::from(!meets);
+        }
+        assert!(missed > 1000, "{missed}");
+    }
 
     #[test]
     fn segments_meet_triangles_at_edges_too() {

@@ -1,5 +1,6 @@
 //! A window: the same scalpel under a mouse. winit calls us; a frame is drawn only when something has changed.
 
+mod in_hand;
 mod keys;
 mod record;
 mod screen;
@@ -7,7 +8,7 @@ mod session;
 mod window;
 
 pub use super::has_display;
-pub use super::models::{Export, Load, Loaded, Request};
+pub use super::models::{Export, Load, Loaded, Request, Tell};
 pub use record::{FrameNote, StrokeNote, StrokeSample};
 
 use crate::config::Config;
@@ -42,6 +43,8 @@ pub struct DesktopRun {
     pub adapter: String,
     /// The model that was shown last.
     pub model: String,
+    /// From the program's start to the window's end.
+    pub seconds: f64,
     /// See [`Scene::edit_hash`].
     pub edit_hash: u64,
     /// See [`Scene::state_hash`].

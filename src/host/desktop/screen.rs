@@ -6,10 +6,11 @@ use crate::diagnostics::Stages;
 use crate::gpu::context::open_device;
 use crate::gpu::readback::read_texture;
 use crate::gpu::ui::{UiFrame, UiPass};
-use crate::gpu::{Bounds, ColourTarget, Context, DrawOptions, GpuError, LineSegment, RenderTarget, Scenery, ViewPose, ViewSet};
+use crate::gpu::{
+    Bounds, ColourTarget, Context, DrawOptions, GpuError, Instrument, LineSegment, RenderTarget, Scenery, ViewPose, ViewSet,
+};
 use crate::host::mirror::Mirror;
 use crate::input::CameraPose;
-use crate::input::tools::Preview;
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
 use winit::event_loop::ActiveEventLoop;
@@ -144,11 +145,11 @@ impl Screen {
             wgpu::CurrentSurfaceTexture::Success(frame) | wgpu::CurrentSurfaceTexture::Suboptimal(frame) => {
                 Acquired::Frame(frame)
             }
-            wgpu::CurrentSurfaceTexture::Outdated | wgpu::CurrentSurfaceTexture::Lost => {
+            // one that never hands a picture back is set up again, too
+            wgpu::CurrentSurfaceTexture::Outdated | wgpu::CurrentSurfaceTexture::Lost | wgpu::CurrentSurfaceTexture::Timeout => {
                 self.configure();
                 Acquired::Again
             }
-            wgpu::CurrentSurfaceTexture::Timeout => Acquired::Again,
             wgpu::CurrentSurfaceTexture::Occluded | wgpu::CurrentSurfaceTexture::Validation => Acquired::Hidden,
         }
     }
@@ -166,8 +167,10 @@ pub struct WindowTarget<'a> {
     pub camera: CameraPose,
     /// Left edge of the picture beside the panel, pixels.
     pub left: f64,
-    /// What the tools show.
-    pub preview: Preview,
+    /// Instruments in hand.
+    pub instruments: Vec<Instrument>,
+    /// Lines that the tools draw.
+    pub lines: Vec<LineSegment>,
     /// Bring the pixels back.
     pub wants_shot: bool,
     /// The pixels, if they were wanted.
@@ -186,14 +189,14 @@ impl FrameTarget for WindowTarget<'_> {
         stages.time("deform", || screen.mirror.renderer_mut().deform())?;
         stages.time("draw", || {
             let mut lines = screen.mirror.layer_lines(view);
-            preview_lines(&self.preview, &mut lines);
+            lines.append(&mut self.lines);
             let size = screen.size();
             let view_of =
                 |format| frame.texture.create_view(&wgpu::TextureViewDescriptor { format: Some(format), ..Default::default() });
             let colour = ColourTarget::of_view(view_of(screen.scene_format), screen.scene_format, size);
             let (min, max) = view.scene.ground_bounds();
             let scenery = Scenery { ground: Some(Bounds { min, max }), ..Scenery::default() };
-            let options = DrawOptions { scenery, lines: &lines, ..Default::default() };
+            let options = DrawOptions { scenery, lines: &lines, instruments: &self.instruments, ..Default::default() };
             let views = [view_beside(&self.camera, self.left, size)];
             let label = wgpu::CommandEncoderDescriptor { label: Some("window") };
             let mut encoder = screen.context.device().create_command_encoder(&label);
@@ -248,35 +251,6 @@ fn view_beside(camera: &CameraPose, left: f64, size: (u32, u32)) -> ViewPose {
     };
     let rotation = DQuat::from_mat3(&axes).normalize();
     ViewPose { position: camera.eye, rotation, fov, near: 1e-3 * camera.eye.distance(camera.target).max(1e-9) }
-}
-
-const STEEL: [f32; 4] = [0.85, 0.9, 1.0, 1.0];
-const CONTOUR: [f32; 4] = [1.0, 0.85, 0.3, 1.0];
-const OUTLINE: [f32; 4] = [0.6, 0.8, 1.0, 0.8];
-const HOLD: [f32; 4] = [0.5, 0.9, 0.6, 0.9];
-
-/// The tools' preview as lines.
-fn preview_lines(preview: &Preview, lines: &mut Vec<LineSegment>) {
-    if let Some([tip, base]) = preview.blade {
-        lines.push(LineSegment::new(tip, base, STEEL));
-        lines.push(LineSegment::point(base, STEEL, 7.0));
-    }
-    if let Some(plane) = &preview.plane {
-        lines.extend(plane.contour.iter().map(|[a, b]| LineSegment::new(*a, *b, CONTOUR)));
-        let corners = plane.outline;
-        lines.extend((0..4).map(|k| LineSegment::new(corners[k], corners[(k + 1) % 4], OUTLINE)));
-    }
-    if let Some((middle, radius)) = preview.held {
-        let around = |k: usize| {
-            let angle = k as f64 * std::f64::consts::TAU / 32.0;
-            (angle.cos() * radius, angle.sin() * radius)
-        };
-        for k in 0..32 {
-            let ((a, b), (c, d)) = (around(k), around(k + 1));
-            let ring = |u: DVec3, v: DVec3| LineSegment::new(middle + u * a + v * b, middle + u * c + v * d, HOLD);
-            lines.extend([ring(DVec3::X, DVec3::Y), ring(DVec3::Y, DVec3::Z), ring(DVec3::Z, DVec3::X)]);
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,17 +1,18 @@
 //! What a window shows and does, without the window: the app, the tools in hand, the panel's state, and the model that is being
 //! loaded behind its back.
 
-use super::record::{FrameNote, StrokeNote};
+use super::record::{FrameNote, Inserted, StrokeNote, inserted_vertices};
 use super::{Loaded, Request, Setup};
 use crate::app::{App, FrameReport};
 use crate::gpu::{Bounds, Camera};
 use crate::host::headless::visible_bounds;
-use crate::host::models::{self, Loader};
+use crate::host::models;
 use crate::input::tools::{OrbitCamera, PointerTools, Preview, ToolSettings};
 use crate::input::{CameraPose, InputFrame};
-use crate::panel::{PanelAction, PanelState, TimingRow};
+use crate::panel::{PanelAction, PanelState, Progress, TimingRow};
 use crate::scene::{EditCommand, EditReport};
 use glam::DVec3;
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
 /// Longest step, seconds: a slow frame slows the scene down rather than tearing it apart.
@@ -32,6 +33,17 @@ pub enum Wish {
     Vsync(bool),
 }
 
+/// Wakes the window's loop from another thread.
+pub type Wake = Box<dyn Fn() + Send>;
+
+/// What the loader says.
+enum Word {
+    /// It is at this, with this part behind it.
+    Step(&'static str, f32),
+    /// It is done.
+    Done(Box<Result<Loaded, String>>),
+}
+
 /// A running window's insides.
 pub struct Session {
     /// Scene and clock.
@@ -45,8 +57,11 @@ pub struct Session {
     /// Everything on the GPU is of a scene that is gone.
     pub scene_changed: bool,
     setup: Setup,
-    loader: Loader,
-    wake: Box<dyn Fn() -> Box<dyn FnOnce() + Send>>,
+    /// The model that is being loaded.
+    loading: Option<(Request, Receiver<Word>)>,
+    /// What is to be loaded once the loader is free: the last wish counts.
+    next: Option<Request>,
+    wake: Box<dyn Fn() -> Wake>,
     input: InputFrame,
     time_s: f64,
     last_frame: Option<Instant>,
@@ -57,12 +72,14 @@ pub struct Session {
     pub frames: Vec<FrameNote>,
     /// See `frames`.
     pub strokes: Vec<StrokeNote>,
+    /// Vertices that edits have inserted so far, at rest, if somebody will ask for strokes.
+    inserted: Inserted,
     frame_count: usize,
 }
 
 impl Session {
-    /// A session with a model. `wake` makes a call that wakes the window's loop from another thread.
-    pub fn new(setup: Setup, first: Loaded, size: [f64; 2], wake: Box<dyn Fn() -> Box<dyn FnOnce() + Send>>) -> Self {
+    /// A session with a model. `wake` makes what wakes the window's loop.
+    pub fn new(setup: Setup, first: Loaded, size: [f64; 2], wake: Box<dyn Fn() -> Wake>) -> Self {
         let panel =
             PanelState { config: setup.config.clone(), bundled: crate::formats::BUNDLED.to_vec(), ..PanelState::default() };
         let Loaded { scene, name, warnings } = first;
@@ -76,7 +93,8 @@ impl Session {
             wishes: Vec::new(),
             scene_changed: true,
             setup,
-            loader: Loader::default(),
+            loading: None,
+            next: None,
             wake,
             input: InputFrame::default(),
             time_s: 0.0,
@@ -85,6 +103,7 @@ impl Session {
             dirty: true,
             frames: Vec::new(),
             strokes: Vec::new(),
+            inserted: Inserted::default(),
             frame_count: 0,
         };
         session.begin(name, size);
@@ -107,7 +126,7 @@ impl Session {
         let panel = &mut self.panel;
         panel.model = name;
         panel.diagonal = diagonal;
-        panel.spacing = None;
+        (panel.spacing, panel.stale) = (None, false);
         panel.depth_range = settings.depth_range();
         (panel.depth, panel.tilt, panel.grab_radius) = (settings.depth, settings.tilt, settings.grab_radius);
         panel.last_edit.clear();
@@ -120,6 +139,7 @@ impl Session {
         self.app.set_speed(panel.speed, self.time_s);
         self.input.show.extend(panel.layers.iter().map(|&layer| (layer, true)));
         self.scene_changed = true;
+        self.inserted = inserted_vertices(&self.app.scene);
         self.count();
     }
 
@@ -203,10 +223,11 @@ impl Session {
             self.dirty = true; // the panel's words come a frame later
         }
         (self.panel.undo_depth, self.panel.redo_depth) = (self.app.scene.undo_depth(), self.app.scene.redo_depth());
-        for trace in self.tools.take_traces() {
-            if self.setup.record {
-                self.strokes.push(StrokeNote::new(&trace, &self.app.scene, self.frame_count, origin));
-            }
+        let traces = self.tools.take_traces();
+        if self.setup.record && !report.edits.is_empty() {
+            let before = std::mem::replace(&mut self.inserted, inserted_vertices(&self.app.scene));
+            let made: Vec<DVec3> = self.inserted.iter().filter(|(id, _)| !before.contains_key(id)).map(|(_, p)| *p).collect();
+            self.strokes.extend(traces.iter().map(|trace| StrokeNote::new(trace, &made, self.frame_count, origin)));
         }
         self.panel.note_frame(report.stages);
         if self.setup.record {
@@ -224,6 +245,7 @@ impl Session {
             edit.outcome.as_str(),
             edit.new_vertices
         );
+        tracing::info!("{}", self.panel.last_edit);
         if edit.segments.is_empty() {
             return;
         }
@@ -245,8 +267,13 @@ impl Session {
     pub fn act(&mut self, action: PanelAction, size: [f64; 2]) {
         self.dirty = true;
         match action {
-            PanelAction::Open(spec) => self.load(spec, None),
-            PanelAction::Regenerate => self.load(self.panel.model.clone(), self.panel.spacing),
+            PanelAction::Open(model) => {
+                self.load(Request { model, config: self.panel.config.clone(), spacing: None });
+            }
+            PanelAction::Regenerate => {
+                let (model, spacing) = (self.panel.model.clone(), self.panel.spacing.or(Some(self.panel.spacing_used)));
+                self.load(Request { model, config: self.panel.config.clone(), spacing });
+            }
             PanelAction::Material(_) | PanelAction::SettingsChanged => models::apply_settings(&mut self.app, &mut self.panel),
             PanelAction::Animate(animation) => {
                 self.panel.animation = animation;
@@ -291,20 +318,82 @@ impl Session {
         settings.width = panel.config.tear.width * panel.diagonal;
     }
 
-    fn load(&mut self, spec: String, spacing: Option<f64>) {
-        let request = Request { model: spec, config: self.panel.config.clone(), spacing };
-        self.loader.begin(&self.setup.load, request, (self.wake)(), &mut self.panel);
+    /// Begins to load a model, or will when the one that is being loaded is there.
+    fn load(&mut self, request: Request) {
+        if self.loading.is_some() {
+            self.next = Some(request);
+            return;
+        }
+        let (sender, receiver) = channel();
+        let (load, wake) = (self.setup.load.clone(), (self.wake)());
+        let (name, wanted) = (request.model.clone(), request.clone());
+        let begun = std::thread::Builder::new().name("loader".into()).spawn(move || {
+            let say = |word| {
+                drop(sender.send(word));
+                wake();
+            };
+            let done = load(&request, &|what, part| say(Word::Step(what, part)));
+            say(Word::Done(Box::new(done)));
+        });
+        match begun {
+            Ok(_) => {
+                self.panel.loading = Some(Progress { text: name, part: 0.0 });
+                self.loading = Some((wanted, receiver));
+            }
+            Err(why) => self.panel.fail(format!("cannot load {name}: {why}; close other programs and try again")),
+        }
     }
 
     /// Takes a model that has been loaded meanwhile. A broken one leaves the current one in place.
     pub fn take_loaded(&mut self, size: [f64; 2]) {
-        let (loaded, answered) = self.loader.take(&mut self.panel);
-        self.dirty |= answered;
-        if let Some(Loaded { scene, name, .. }) = loaded {
-            self.input = InputFrame::default();
-            self.app = App::new(scene, 1.0, self.setup.allocations);
-            self.time_s = 0.0;
-            self.begin(name, size);
+        while let Some((wanted, receiver)) = &self.loading {
+            let result = match receiver.try_recv() {
+                Err(TryRecvError::Empty) => return,
+                Err(TryRecvError::Disconnected) => Err("the loader broke off; this model cannot be used".to_string()),
+                Ok(Word::Step(what, part)) => {
+                    if let Some(progress) = &mut self.panel.loading {
+                        progress.text = format!("{}: {what}", wanted.model);
+                        progress.part = part;
+                    }
+                    self.dirty = true;
+                    continue;
+                }
+                Ok(Word::Done(result)) => *result,
+            };
+            let again = wanted.spacing.is_some();
+            (self.loading, self.panel.loading) = (None, None);
+            self.dirty = true;
+            if let Some(next) = self.next.take() {
+                self.load(next); // what has come is no longer wanted
+                return;
+            }
+            match result {
+                Err(why) => self.panel.fail(format!("{why}\n\nThe model that was there stays.")),
+                Ok(loaded) => self.show(loaded, again, size),
+            }
+        }
+    }
+
+    /// Shows a model; `again` is the one that is there with other particles, which is seen from where it was and goes on moving.
+    fn show(&mut self, Loaded { scene, name, warnings }: Loaded, again: bool, size: [f64; 2]) {
+        let (camera, animation, spacing) = (self.tools.camera, self.panel.animation, self.panel.spacing);
+        self.input = InputFrame::default();
+        self.app = App::new(scene, 1.0, self.setup.allocations);
+        self.time_s = 0.0;
+        self.panel.notice = None;
+        tracing::info!("shown: {name}");
+        if !warnings.is_empty() {
+            self.panel.tell(warnings.join("\n"));
+        }
+        self.begin(name, size);
+        if again {
+            self.tools.camera = camera;
+            (self.panel.animation, self.panel.spacing) = (animation, spacing);
+            self.app.scene.set_animation(animation);
         }
     }
 }
+
+#[cfg(test)]
+#[path = "session_tests.rs"]
+mod tests;

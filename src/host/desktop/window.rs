@@ -1,8 +1,9 @@
 //! The window and its event loop.
 
+use super::in_hand;
 use super::keys::{self, KeyCommand};
 use super::screen::{Acquired, Screen, Shot, WindowTarget};
-use super::session::{Session, Wish};
+use super::session::{Session, Wake as WakeCall, Wish};
 use super::{DesktopError, DesktopRun, Loaded, Setup};
 use crate::gpu::GpuError;
 use crate::gpu::ui::UiFrame;
@@ -21,6 +22,10 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 /// Time between frames of a window that another one covers or that has not the focus.
 const BACKGROUND: Duration = Duration::from_millis(100);
+/// A dialog that is dismissed sooner than any hand could was never there.
+const NO_DIALOG: Duration = Duration::from_millis(150);
+const NO_DIALOG_TEXT: &str = "This system has no file dialog (xdg-desktop-portal or zenity brings one). Drop a file on the \
+                              window, or type its path into the panel.";
 /// Least size of the window, points.
 const LEAST_SIZE: (u32, u32) = (480, 320);
 
@@ -31,8 +36,8 @@ enum Wake {
     Repaint(Duration),
     /// A model has been loaded, or could not be.
     Loaded,
-    /// The system's dialog was answered.
-    Chosen(Option<PathBuf>),
+    /// The system's dialog was answered, after this long.
+    Chosen(Option<PathBuf>, Duration),
 }
 
 pub(super) fn run(setup: Setup, first: Loaded) -> Result<DesktopRun, DesktopError> {
@@ -77,10 +82,19 @@ struct Live {
     canvas: [f64; 4],
     focused: bool,
     hidden: bool,
+    /// The surface gave nothing to draw into.
+    unseen: bool,
     wake_at: Option<Instant>,
     last_frame: Instant,
     shots: u32,
     wants_shot: bool,
+    /// A redraw has been asked for and has not come yet.
+    asked: bool,
+    /// A press on the panel that it has not answered yet: what is typed after it may be meant for it.
+    pressed_panel: bool,
+    /// The window has said that it rests.
+    rests: bool,
+    frames: u64,
     closing: bool,
 }
 
@@ -100,12 +114,13 @@ impl ApplicationHandler<Wake> for Desktop {
         let Some(live) = &mut self.live else { return };
         match event {
             Wake::Repaint(after) => live.repaint_in(after),
-            Wake::Loaded => live.window.request_redraw(),
-            Wake::Chosen(file) => {
-                if let Some(file) = file {
-                    live.act(PanelAction::Open(file.display().to_string()));
-                }
+            Wake::Loaded => live.redraw(),
+            Wake::Chosen(Some(file), _) => live.act(PanelAction::Open(file.display().to_string())),
+            Wake::Chosen(None, after) if after < NO_DIALOG => {
+                live.session.panel.fail(NO_DIALOG_TEXT);
+                live.session.touch();
             }
+            Wake::Chosen(None, _) => {}
         }
     }
 
@@ -136,7 +151,7 @@ impl Live {
         let screen = Screen::new(events, &window)?;
         let (panel, state) = panel_on(events, &window, &screen, &proxy);
         let waker = proxy.clone();
-        let wake = move || -> Box<dyn FnOnce() + Send> {
+        let wake = move || -> WakeCall {
             let proxy = waker.clone();
             Box::new(move || drop(proxy.send_event(Wake::Loaded)))
         };
@@ -159,18 +174,28 @@ impl Live {
             canvas,
             focused: true,
             hidden: false,
+            unseen: false,
             wake_at: None,
             last_frame: Instant::now(),
             shots: 0,
             wants_shot: false,
+            asked: true,
+            pressed_panel: false,
+            rests: false,
+            frames: 0,
             closing: false,
         })
+    }
+
+    fn redraw(&mut self) {
+        self.asked = true;
+        self.window.request_redraw();
     }
 
     /// Sees to it that there is a frame `after` this long; never is never.
     fn repaint_in(&mut self, after: Duration) {
         if after.is_zero() {
-            self.window.request_redraw();
+            self.redraw();
         } else if let Some(at) = Instant::now().checked_add(after) {
             self.wake_at = Some(self.wake_at.map_or(at, |other| other.min(at)));
         }
@@ -179,19 +204,27 @@ impl Live {
     /// Asks for the frames that are due and says how long to wait.
     fn schedule(&mut self) -> ControlFlow {
         let now = Instant::now();
+        if self.hidden {
+            return ControlFlow::Wait; // what shows it again is an event
+        }
         if self.wake_at.is_some_and(|at| at <= now) {
             self.wake_at = None;
-            self.window.request_redraw();
+            self.redraw();
         }
         let mut next = self.wake_at;
-        if self.session.wants_frame() && !self.hidden {
-            let due = if self.focused { now } else { self.last_frame + BACKGROUND };
+        if self.session.wants_frame() {
+            let due = if self.focused && !self.unseen { now } else { self.last_frame + BACKGROUND };
             if due <= now {
-                self.window.request_redraw();
+                self.redraw();
             } else {
                 next = Some(next.map_or(due, |other| other.min(due)));
             }
         }
+        let rests = next.is_none() && !self.asked;
+        if rests && !self.rests {
+            tracing::debug!("at rest after frame {}", self.frames);
+        }
+        self.rests = rests;
         next.map_or(ControlFlow::Wait, ControlFlow::WaitUntil)
     }
 
@@ -201,7 +234,7 @@ impl Live {
 
     fn act(&mut self, action: PanelAction) {
         self.session.act(action, self.size());
-        self.window.request_redraw();
+        self.redraw();
     }
 
     fn modifiers(&self) -> Modifiers {
@@ -222,11 +255,16 @@ impl Live {
             return self.draw(); // egui would answer each with a wish for another
         }
         // keys are the panel's only while it is being typed into: else a button in focus would take them
-        let for_panel = !matches!(event, WindowEvent::KeyboardInput { .. }) || self.panel.is_typing();
+        let typing = self.panel.is_typing() || self.pressed_panel;
+        let for_panel = !matches!(event, WindowEvent::KeyboardInput { .. }) || typing;
         if for_panel && self.events.on_window_event(&self.window, &event).repaint {
-            self.window.request_redraw();
+            self.redraw();
         }
         let keys = self.modifiers();
+        // who is clicked or typed at is seen, whatever the window system said last
+        let used =
+            matches!(event, WindowEvent::MouseInput { .. } | WindowEvent::KeyboardInput { .. } | WindowEvent::Focused(true));
+        self.hidden &= !used;
         match event {
             WindowEvent::CloseRequested => self.closing = true,
             WindowEvent::Resized(size) => {
@@ -234,7 +272,11 @@ impl Live {
                 self.screen.resize(size.width, size.height);
                 self.session.touch();
             }
-            WindowEvent::Occluded(hidden) => self.hidden = hidden,
+            WindowEvent::Occluded(hidden) => {
+                tracing::debug!("{}", if hidden { "hidden" } else { "shown" });
+                self.hidden = hidden;
+                self.session.touch();
+            }
             WindowEvent::Focused(focused) => {
                 self.focused = focused;
                 if !focused {
@@ -251,9 +293,12 @@ impl Live {
                     _ => return Ok(()),
                 };
                 if state == ElementState::Released {
+                    tracing::debug!("{button:?} button up at {:.0}, {:.0}", self.cursor.x, self.cursor.y);
                     self.session.with_tools(|tools, _, _, out| tools.release(button, out));
                 } else if self.on_canvas() {
                     self.session.with_tools(|tools, t, scene, out| tools.press(button, keys, t, scene, out));
+                } else {
+                    self.pressed_panel = true;
                 }
             }
             WindowEvent::MouseWheel { delta, .. } if self.on_canvas() || self.session.tools.is_busy() => {
@@ -267,8 +312,19 @@ impl Live {
             WindowEvent::PinchGesture { delta, .. } if self.on_canvas() => {
                 self.session.with_tools(|tools, _, scene, _| tools.zoom(1.0 / (1.0 + delta).max(0.1), scene));
             }
-            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if !self.panel.is_typing() => self.key(&event),
-            WindowEvent::DroppedFile(file) => self.act(PanelAction::Open(file.display().to_string())),
+            WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if !typing => self.key(&event),
+            WindowEvent::HoveredFile(file) => {
+                self.session.panel.hovered = Some(file.file_name().unwrap_or_default().display().to_string());
+                self.session.touch();
+            }
+            WindowEvent::HoveredFileCancelled => {
+                self.session.panel.hovered = None;
+                self.session.touch();
+            }
+            WindowEvent::DroppedFile(file) => {
+                self.session.panel.hovered = None;
+                self.act(PanelAction::Open(file.display().to_string()));
+            }
             _ => {}
         }
         Ok(())
@@ -298,6 +354,7 @@ impl Live {
             return;
         }
         let Some(command) = keys::command(&event.logical_key, keys.ctrl, keys.shift) else { return };
+        tracing::debug!("key: {command:?}");
         let panel = &mut self.session.panel;
         match command {
             KeyCommand::Panel(action) => return self.act(action),
@@ -334,15 +391,22 @@ impl Live {
     }
 
     fn draw(&mut self) -> Result<(), DesktopError> {
+        self.asked = false;
         let frame = match self.screen.acquire() {
             Acquired::Frame(frame) => frame,
             Acquired::Again => {
-                self.window.request_redraw();
+                self.redraw();
                 return Ok(());
             }
-            Acquired::Hidden => return Ok(()),
+            Acquired::Hidden => {
+                // nothing says when it can be drawn into again: asked now and then
+                (self.unseen, self.last_frame) = (true, Instant::now());
+                return Ok(());
+            }
         };
+        self.unseen = false;
         self.session.take_loaded(self.size());
+        self.pressed_panel = false;
         let raw = self.events.take_egui_input(&self.window);
         let ui = self.panel.run(raw, &mut self.session.panel);
         self.events.handle_platform_output(&self.window, ui.platform);
@@ -363,11 +427,14 @@ impl Live {
         }
         let now = Instant::now();
         self.last_frame = now;
+        self.frames += 1;
         let input = self.session.next_input(now);
         let recording = self.session.panel.recording;
+        let preview = self.session.preview();
         let mut target = WindowTarget {
             camera: self.session.tools.camera.pose(),
-            preview: self.session.preview(),
+            instruments: in_hand::instruments(&preview, self.session.tools.settings.diagonal),
+            lines: in_hand::lines(&preview),
             screen: &mut self.screen,
             frame: Some(frame),
             ui: Some(UiFrame { jobs: ui.jobs, textures: ui.textures, pixels_per_point: ui.pixels_per_point }),
@@ -379,6 +446,9 @@ impl Live {
         match self.session.app.frame(&input, &mut target) {
             Ok(report) => {
                 let shot = target.shot.take();
+                if self.frames == 1 {
+                    tracing::info!("first frame after {:.2} s", self.session.gesture_time_s());
+                }
                 self.session.frame_done(report, [self.canvas[0], self.canvas[1]]);
                 if let Some(shot) = shot {
                     self.write_shot(shot, recording);
@@ -425,8 +495,9 @@ impl Live {
             .pick_file();
         let proxy = self.proxy.clone();
         let wait = move || {
+            let asked = Instant::now();
             let file = pollster::block_on(dialog);
-            drop(proxy.send_event(Wake::Chosen(file.map(|f| f.path().to_path_buf()))));
+            drop(proxy.send_event(Wake::Chosen(file.map(|f| f.path().to_path_buf()), asked.elapsed())));
         };
         if let Err(why) = std::thread::Builder::new().name("dialog".into()).spawn(wait) {
             tracing::warn!("no file dialog: {why}; drop a file on the window instead");
@@ -434,28 +505,33 @@ impl Live {
     }
 
     fn write_shot(&mut self, (width, height, pixels): Shot, recording: bool) {
-        self.shots += 1;
-        let file = PathBuf::from(if recording { "recording" } else { "screenshots" });
-        let made = std::fs::create_dir_all(&file).map_err(|e| e.to_string());
-        let file = file.join(format!("incise-{:04}.png", self.shots));
-        let written = made
-            .and_then(|()| image::save_buffer(&file, &pixels, width, height, image::ColorType::Rgba8).map_err(|e| e.to_string()));
+        let folder = PathBuf::from(if recording { "recording" } else { "screenshots" });
+        let written = std::fs::create_dir_all(&folder).map_err(|e| e.to_string()).and_then(|()| {
+            let file = (self.shots + 1..).map(|n| (n, folder.join(format!("incise-{n:05}.png")))).find(|f| !f.1.exists());
+            let Some((number, file)) = file else { return Err("there is no number left".to_string()) };
+            self.shots = number;
+            image::save_buffer(&file, &pixels, width, height, image::ColorType::Rgba8).map_err(|e| e.to_string())?;
+            Ok(file)
+        });
         match written {
-            Ok(()) if recording => {}
-            Ok(()) => self.session.panel.tell(format!("Written: {}", file.display())),
+            Ok(_) if recording => return,
+            Ok(file) => self.session.panel.tell(format!("Written: {}", file.display())),
             Err(why) => {
                 self.session.panel.recording = false;
-                self.session.panel.fail(format!("cannot write {}: {why}; start Incise where you may write", file.display()));
+                let folder = folder.display();
+                self.session.panel.fail(format!("cannot write a picture in {folder}: {why}; start Incise where you may write"));
             }
         }
         self.session.touch();
     }
 
     fn finish(self) -> DesktopRun {
+        let seconds = self.session.gesture_time_s();
         let Session { app, panel, frames, strokes, .. } = self.session;
         DesktopRun {
             adapter: panel.adapter,
             model: panel.model,
+            seconds,
             edit_hash: app.scene.edit_hash(),
             state_hash: app.scene.state_hash(),
             gpu_error: self.screen.gpu_error(&app.scene),

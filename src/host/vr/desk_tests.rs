@@ -28,7 +28,7 @@ struct Room {
 
 impl Room {
     fn new() -> Self {
-        let load: models::Load = Arc::new(|request| match request.model.as_str() {
+        let load: models::Load = Arc::new(|request, _| match request.model.as_str() {
             "broken" => Err("broken: not a model".into()),
             name => Ok(Loaded { scene: scene(name), name: name.into(), warnings: Vec::new() }),
         });

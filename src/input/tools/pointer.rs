@@ -6,7 +6,7 @@
 //! | left drag from beside it, right drag, alt and left drag | turns the camera |
 //! | middle drag, shift and right drag | shifts the picture |
 //! | wheel | brings the point under the cursor nearer or farther |
-//! | shift and left drag | draws a line and cuts along the plane through it and the eye |
+//! | shift and left drag | draws a line and cuts along the plane through it and the eye; the pieces are closed |
 //! | ctrl and left drag | grabs |
 //! | squeeze key | squeezes what is under the cursor |
 
@@ -103,6 +103,8 @@ pub struct StrokeTrace {
 pub struct Preview {
     /// Tip and base of the blade.
     pub blade: Option<[DVec3; 2]>,
+    /// About where the blade has lately been going, metres; zero when it has just gone in.
+    pub travel: DVec3,
     /// The plane that a line would cut.
     pub plane: Option<PlanePreview>,
     /// Ball in which tissue is held: middle and radius.
@@ -150,6 +152,8 @@ pub struct PointerTools {
     picker: Picker,
     gesture: Option<(Button, Gesture)>,
     scalpel: Scalpel,
+    /// See [`Preview::travel`].
+    travel: DVec3,
     forceps: Forceps,
     squeeze: Squeeze,
     trace: StrokeTrace,
@@ -167,6 +171,7 @@ impl PointerTools {
             picker: Picker::default(),
             gesture: None,
             scalpel: Scalpel::default(),
+            travel: DVec3::ZERO,
             forceps: Forceps::new(GRAB),
             squeeze: Squeeze::new(FINGERTIPS),
             trace: StrokeTrace::default(),
@@ -225,7 +230,7 @@ impl PointerTools {
                 self.scalpel.lift(out);
                 self.traces.push(std::mem::take(&mut self.trace));
             }
-            Gesture::Plane { start } => out.extend(self.plane_from(start).map(EditCommand::Cut)),
+            Gesture::Plane { start } => out.extend(self.plane_from(start).map(EditCommand::CutClosed)),
             Gesture::Grab { .. } => self.forceps.open(out),
             Gesture::Orbit | Gesture::Pan => {}
         }
@@ -306,6 +311,9 @@ impl PointerTools {
     /// What is to be shown besides the tissue.
     pub fn preview(&mut self, scene: &Scene) -> Preview {
         let mut preview = Preview { blade: self.scalpel.last_pose().map(|p| [p.tip, p.base]), ..Preview::default() };
+        if preview.blade.is_some() {
+            preview.travel = self.travel;
+        }
         if let Some((_, Gesture::Plane { start })) = self.gesture
             && let Some(plane) = self.plane_from(start)
         {
@@ -358,6 +366,7 @@ impl PointerTools {
     fn pierce(&mut self, time_s: f64, scene: &Scene, out: &mut Vec<EditCommand>) -> Option<Gesture> {
         let hit = self.hit(scene)?;
         self.trace = StrokeTrace::default();
+        self.travel = DVec3::ZERO;
         self.note(&hit, scene);
         let normal = if hit.outside { hit.normal } else { -hit.normal };
         let gesture = Gesture::Tear { point: hit.point, normal, skin: is_skin(&hit, scene) };
@@ -383,6 +392,10 @@ impl PointerTools {
         let ToolSettings { depth, tilt, diagonal, width, .. } = self.settings;
         let blade = PointerBlade { depth, tilt, reach: (0.08 * diagonal).max(0.5 * depth) };
         let pose = blade.pose(time_s, point, normal, self.camera.axes()[0]);
+        if let Some(last) = self.scalpel.last_pose() {
+            // a hand trembles: what counts is where it has gone over the last few movements
+            self.travel = self.travel * 0.85 + (pose.base - last.base);
+        }
         self.scalpel.update(Some(pose), true, width, out);
     }
 

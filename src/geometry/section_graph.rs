@@ -1,0 +1,346 @@
+//! Connected components by sections: which sections hang together in themselves and with which others is kept between edits,
+//! so that finding what a cut has parted looks only at the faces of the sections it went through.
+
+use super::ids::{FaceId, HalfEdge, SectionId};
+use super::mesh::{Mesh, MeshDelta};
+
+/// What is known of a section.
+#[derive(Clone, Debug, Default)]
+struct Facts {
+    faces: usize,
+    /// Vertices that lean on one of its faces.
+    vertices: usize,
+    lowest_face: FaceId,
+    lowest_origin: u32,
+    /// True if it is one component by itself.
+    whole: bool,
+    /// Sections that it shares an edge with.
+    neighbours: Vec<SectionId>,
+}
+
+/// A connected component of the mesh.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Number of faces.
+    pub faces: usize,
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Its lowest face: parts are in this order.
+    pub lowest_face: FaceId,
+    /// Lowest face of the model as loaded that it has a part of; `u32::MAX` if none.
+    pub lowest_origin: u32,
+    /// Sections that are a part of it as a whole.
+    pub sections: Vec<SectionId>,
+    /// Its faces in other sections.
+    pub loose: Vec<FaceId>,
+}
+
+/// What is known of the sections of one mesh, and buffers.
+#[derive(Clone, Debug, Default)]
+pub struct SectionGraph {
+    facts: Vec<Facts>,
+    /// Sections whose faces have changed since their facts were gathered.
+    stale: Vec<bool>,
+    /// The search that last met a face, and the face's place in it.
+    slots: Vec<[u32; 2]>,
+    search: u32,
+    loose: Vec<FaceId>,
+    /// Piece of each loose face.
+    label: Vec<u32>,
+    stack: Vec<u32>,
+    parent: Vec<u32>,
+    part_of: Vec<u32>,
+}
+
+impl Mesh {
+    /// Calls `mark` with every section that changed since the last delta was taken.
+    fn sections_touched(&self, mut mark: impl FnMut(SectionId)) {
+        let now = |f: FaceId| self.face_info.get(f.index()).map(|i| i.section);
+        let faces = self.faces.touched().chain(self.opposite.touched()).chain(self.face_info.touched());
+        faces.filter_map(|f| now(FaceId::new(f))).for_each(&mut mark);
+        self.face_info.overwritten().for_each(|i| mark(i.section));
+        let leaving = self.vertex_half_edge.touched().filter_map(|v| self.vertex_half_edge.get(v));
+        let left = self.vertex_half_edge.overwritten();
+        leaving.chain(left).filter(|h| h.is_some()).filter_map(|h| now(h.face())).for_each(&mut mark);
+    }
+}
+
+impl MeshDelta {
+    /// Calls `mark` with every section that applying a delta to `mesh` changed: `self` is the way back.
+    fn sections_touched(&self, mesh: &Mesh, mut mark: impl FnMut(SectionId)) {
+        let now = |f: FaceId| mesh.face_info.get(f.index()).map(|i| i.section);
+        let faces = self.faces.touched().chain(self.opposite.touched()).chain(self.face_info.touched());
+        faces.filter_map(|f| now(FaceId::new(f))).for_each(&mut mark);
+        self.face_info.overwritten().for_each(|i| mark(i.section));
+        let leaving = self.vertex_half_edge.touched().filter_map(|v| mesh.vertex_half_edge.get(v));
+        let left = self.vertex_half_edge.overwritten();
+        leaving.chain(left).filter(|h| h.is_some()).filter_map(|h| now(h.face())).for_each(&mut mark);
+    }
+}
+
+impl SectionGraph {
+    /// Notes what the edits since the last delta have changed. To be called before the delta is taken. True if anything has.
+    pub fn note_edits(&mut self, mesh: &Mesh) -> bool {
+        let mut any = false;
+        mesh.sections_touched(|s| any |= mark(&mut self.stale, s));
+        any
+    }
+
+    /// Notes what going back or forth by a delta has changed; `inverse` is what it returned. True if anything has.
+    pub fn note_delta(&mut self, mesh: &Mesh, inverse: &MeshDelta) -> bool {
+        let mut any = false;
+        inverse.sections_touched(mesh, |s| any |= mark(&mut self.stale, s));
+        any
+    }
+
+    /// True if the facts of a section hold.
+    pub fn is_fresh(&self, s: SectionId) -> bool {
+        self.stale.get(s.index()) == Some(&false)
+    }
+
+    /// Gathers the facts of all sections that have changed, calling `gathered` with each and its faces.
+    pub fn refresh(&mut self, mesh: &Mesh, mut gathered: impl FnMut(SectionId, &[FaceId])) {
+        self.note_edits(mesh);
+        self.fit(mesh);
+        for s in (0..mesh.sections()).map(SectionId::new) {
+            if self.stale[s.index()] {
+                self.gather(mesh, s);
+                gathered(s, &self.loose);
+            }
+        }
+    }
+
+    fn fit(&mut self, mesh: &Mesh) {
+        self.stale.resize(mesh.sections(), true);
+        self.facts.resize(mesh.sections(), Facts::default());
+    }
+
+    fn begin(&mut self, mesh: &Mesh) {
+        if self.search == u32::MAX {
+            self.slots.fill([0; 2]);
+            self.search = 0;
+        }
+        self.search += 1;
+        if self.slots.is_empty() {
+            self.slots = vec![[0; 2]; mesh.face_slots() + mesh.face_slots() / 4];
+        } else if self.slots.len() < mesh.face_slots() {
+            self.slots.resize(mesh.face_slots() + mesh.face_slots() / 4, [0; 2]);
+        }
+        self.loose.clear();
+    }
+
+    fn list(&mut self, mesh: &Mesh, s: SectionId) {
+        for f in mesh.section_faces(s) {
+            self.slots[f.index()] = [self.search, self.loose.len() as u32];
+            self.loose.push(f);
+        }
+    }
+
+    /// Place of a face among those listed by this search.
+    fn place(&self, f: FaceId) -> Option<u32> {
+        let [search, place] = self.slots[f.index()];
+        (search == self.search).then_some(place)
+    }
+
+    fn gather(&mut self, mesh: &Mesh, s: SectionId) {
+        self.begin(mesh);
+        self.list(mesh, s);
+        self.parent.clear();
+        self.parent.extend(0..self.loose.len() as u32);
+        let mut facts = Facts { faces: self.loose.len(), lowest_origin: u32::MAX, ..Facts::default() };
+        let mut parts = self.loose.len();
+        for i in 0..self.loose.len() {
+            let f = self.loose[i];
+            facts.lowest_face = facts.lowest_face.min(f);
+            facts.lowest_origin = facts.lowest_origin.min(mesh.face_info(f).origin);
+            facts.vertices += owned(mesh, f);
+            for across in mesh.all_opposites()[f.index()].into_iter().filter(|h| h.is_some()) {
+                match self.place(across.face()) {
+                    Some(j) => parts -= usize::from(join(&mut self.parent, i as u32, j)),
+                    None => {
+                        let other = mesh.face_info(across.face()).section;
+                        if !facts.neighbours.contains(&other) {
+                            facts.neighbours.push(other);
+                        }
+                    }
+                }
+            }
+        }
+        facts.whole = parts <= 1;
+        self.facts[s.index()] = facts;
+        self.stale[s.index()] = false;
+    }
+
+    /// The connected components of the mesh, ordered by their lowest face.
+    pub fn parts(&mut self, mesh: &Mesh) -> Vec<Part> {
+        self.note_edits(mesh);
+        self.fit(mesh);
+        self.begin(mesh);
+        let sections = mesh.sections();
+        for s in 0..sections {
+            if self.stale[s] || !self.facts[s].whole {
+                self.list(mesh, SectionId::new(s));
+            }
+        }
+        self.flood_loose(mesh);
+        let Self { facts, stale, parent, .. } = &mut *self;
+        let is_node = |s: usize| !stale[s] && facts[s].whole;
+        for s in (0..sections).filter(|&s| is_node(s)) {
+            for &n in facts[s].neighbours.iter().filter(|n| n.index() < s && is_node(n.index())) {
+                join(parent, s as u32, n.0);
+            }
+        }
+        self.collect(mesh)
+    }
+
+    /// Sorts the loose faces into pieces, nodes behind those of the sections, and joins each to the whole sections it touches.
+    fn flood_loose(&mut self, mesh: &Mesh) {
+        let sections = mesh.sections() as u32;
+        let Self { slots, search, loose, label, stack, parent, .. } = self;
+        parent.clear();
+        parent.extend(0..sections);
+        label.clear();
+        label.resize(loose.len(), u32::MAX);
+        for seed in 0..loose.len() {
+            if label[seed] != u32::MAX {
+                continue;
+            }
+            let node = parent.len() as u32;
+            parent.push(node);
+            label[seed] = node;
+            stack.push(seed as u32);
+            let mut last = u32::MAX;
+            while let Some(i) = stack.pop() {
+                for across in mesh.all_opposites()[loose[i as usize].index()] {
+                    if across.is_none() {
+                        continue;
+                    }
+                    let f = across.face();
+                    let [met, place] = slots[f.index()];
+                    if met != *search {
+                        let section = mesh.face_info(f).section.0;
+                        if section != last {
+                            join(parent, node, section);
+                            last = section;
+                        }
+                    } else if label[place as usize] == u32::MAX {
+                        label[place as usize] = node;
+                        stack.push(place);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Vertices of all sections and the lowest face of the model as loaded that they have a part of. Of a refreshed graph.
+    pub fn totals(&self) -> (usize, u32) {
+        let lowest = self.facts.iter().filter(|f| f.faces > 0).map(|f| f.lowest_origin).min();
+        (self.facts.iter().map(|f| f.vertices).sum(), lowest.unwrap_or(u32::MAX))
+    }
+
+    fn collect(&mut self, mesh: &Mesh) -> Vec<Part> {
+        let sections = self.facts.len();
+        let Self { facts, stale, loose, label, parent, part_of, .. } = self;
+        let mut parts: Vec<Part> = Vec::new();
+        part_of.clear();
+        part_of.resize(parent.len(), u32::MAX);
+        let mut part = |node: usize, parts: &mut Vec<Part>| {
+            let root = find(parent, node as u32) as usize;
+            if part_of[root] == u32::MAX {
+                part_of[root] = parts.len() as u32;
+                parts.push(Part {
+                    faces: 0,
+                    vertices: 0,
+                    lowest_face: FaceId::NONE,
+                    lowest_origin: u32::MAX,
+                    sections: Vec::new(),
+                    loose: Vec::new(),
+                });
+            }
+            part_of[root] as usize
+        };
+        for s in (0..sections).filter(|&s| !stale[s] && facts[s].whole && facts[s].faces > 0) {
+            let at = part(s, &mut parts);
+            let (part, facts) = (&mut parts[at], &facts[s]);
+            part.sections.push(SectionId::new(s));
+            part.faces += facts.faces;
+            part.vertices += facts.vertices;
+            part.lowest_face = part.lowest_face.min(facts.lowest_face);
+            part.lowest_origin = part.lowest_origin.min(facts.lowest_origin);
+        }
+        for (i, &f) in loose.iter().enumerate() {
+            let at = part(label[i] as usize, &mut parts);
+            let part = &mut parts[at];
+            part.loose.push(f);
+            part.faces += 1;
+            part.vertices += owned(mesh, f);
+            part.lowest_face = part.lowest_face.min(f);
+            part.lowest_origin = part.lowest_origin.min(mesh.face_info(f).origin);
+        }
+        parts.sort_unstable_by_key(|p| p.lowest_face);
+        parts
+    }
+}
+
+impl Part {
+    /// Takes in another part, which is not connected to it.
+    pub fn absorb(&mut self, other: Part) {
+        self.faces += other.faces;
+        self.vertices += other.vertices;
+        self.lowest_face = self.lowest_face.min(other.lowest_face);
+        self.lowest_origin = self.lowest_origin.min(other.lowest_origin);
+        self.sections.extend(other.sections);
+        self.loose.extend(other.loose);
+    }
+
+    /// Its faces, in no particular order.
+    pub fn all_faces<'a>(&'a self, mesh: &'a Mesh) -> impl Iterator<Item = FaceId> + 'a {
+        self.sections.iter().flat_map(|&s| mesh.section_faces(s)).chain(self.loose.iter().copied())
+    }
+
+    /// Its faces, ascending: by a bit each, which is faster than to sort them.
+    pub fn sorted_faces(&self, mesh: &Mesh) -> Vec<FaceId> {
+        let mut bits = vec![0u64; mesh.face_slots().div_ceil(64)];
+        for f in self.all_faces(mesh) {
+            bits[f.index() / 64] |= 1 << (f.index() % 64);
+        }
+        let mut faces = Vec::with_capacity(self.faces);
+        for (i, &word) in bits.iter().enumerate().filter(|(_, word)| **word != 0) {
+            let mut left = word;
+            while left != 0 {
+                faces.push(FaceId::new(64 * i + left.trailing_zeros() as usize));
+                left &= left - 1;
+            }
+        }
+        faces
+    }
+}
+
+/// How many vertices lean on this face.
+fn owned(mesh: &Mesh, f: FaceId) -> usize {
+    let leans = |k: usize| mesh.all_vertex_half_edges()[mesh.face(f)[k].index()] == HalfEdge::of(f, k);
+    (0..3).filter(|&k| leans(k)).count()
+}
+
+fn mark(stale: &mut [bool], s: SectionId) -> bool {
+    if let Some(stale) = stale.get_mut(s.index()) {
+        *stale = true;
+    }
+    true
+}
+
+fn find(parent: &mut [u32], mut node: u32) -> u32 {
+    while parent[node as usize] != node {
+        let above = parent[parent[node as usize] as usize];
+        parent[node as usize] = above;
+        node = above;
+    }
+    node
+}
+
+/// Joins two nodes; false if they were.
+fn join(parent: &mut [u32], a: u32, b: u32) -> bool {
+    let (a, b) = (find(parent, a), find(parent, b));
+    parent[a.max(b) as usize] = a.min(b);
+    a != b
+}
