@@ -149,7 +149,7 @@ fn a_shift_drag_shows_its_plane_and_cuts() {
     desk.release(Button::Left);
     assert_eq!(desk.reports[0].outcome, Outcome::Cut);
     assert_eq!(desk.reports[0].pieces.len(), 2);
-    assert_eq!(desk.reports[0].caps.loops, 1);
+    assert_eq!(desk.reports[0].caps.loops, 2, "one on each side");
     assert!(desk.reports[0].pieces.iter().all(|p| p.closed), "no piece is hollow");
     // the line was a little above the middle, so the upper piece is the smaller one
     assert!(desk.reports[0].pieces[0].side == 1 && desk.reports[0].pieces[0].area < desk.reports[0].pieces[1].area);
