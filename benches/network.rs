@@ -12,7 +12,7 @@ const STEP: f64 = 1.0 / 60.0;
 
 /// Settings whose step of 1/60 s has the wanted `h omega_max` (Gershgorin), coupling 1, damping ratio 0.1.
 fn settings_for(topology: &NetworkTopology, reach: f64) -> NetworkSettings {
-    let unit = NetworkSettings { frequency_hz: 1.0, damping_ratio: 0.1, coupling: 1.0 };
+    let unit = NetworkSettings { frequency_hz: 1.0, damping_ratio: 0.1, coupling: 1.0, rotations: false };
     let (_, high) = Network::new(topology, unit, 1.0).expect("valid").spectrum();
     NetworkSettings { frequency_hz: reach / (STEP * high.sqrt()), ..unit }
 }

@@ -8,9 +8,11 @@
 @group(0) @binding(4) var<storage, read> vectors: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> deformed: array<vec4f>;
 
-// Pipeline variants: a scene without bones, or without displacements and fades, compiles without their code.
+// Pipeline variants: a scene without bones, without displacements and fades, or without turned particles compiles without their
+// code.
 override skinned: bool = true;
 override displaced: bool = true;
+override rotated: bool = true;
 
 // A 3 x 4 transform by rows.
 struct Transform {

@@ -7,6 +7,7 @@ const NONE: u32 = 0xffffffffu;
 const SKINNED: u32 = 1u;
 const DISPLACED: u32 = 2u;
 const FADING: u32 = 4u;
+const ROTATED: u32 = 8u;
 
 // One tissue: where its data lies, and what moves it.
 struct TissueRecord {
@@ -33,8 +34,8 @@ struct TissueRecord {
     time_low: f32,
     fade_duration: f32, // seconds
     detail_scale: f32,  // 1 / diagonal: procedural detail keeps its size relative to the model
-    padding_0: u32,
-    padding_1: u32,
+    rotations: u32,
+    padding: u32,
 }
 
 // A topological vertex. Spans are (start, length) in the tissue's term ranges.

@@ -98,6 +98,9 @@ pub struct DynamicsPreset {
     pub damping: f64,
     /// Stiffness of a neighbour spring at the mean distance, in anchor stiffnesses.
     pub coupling: f64,
+    /// Particles turn with their neighbourhood: large bends keep their shape.
+    #[serde(default)]
+    pub rotations: bool,
 }
 
 /// Names of the presets.
@@ -279,8 +282,15 @@ impl Default for RenderSettings {
 
 impl From<NetworkSettings> for DynamicsPreset {
     fn from(settings: NetworkSettings) -> Self {
-        let NetworkSettings { frequency_hz, damping_ratio, coupling } = settings;
-        Self { frequency: frequency_hz, damping: damping_ratio, coupling }
+        let NetworkSettings { frequency_hz, damping_ratio, coupling, rotations } = settings;
+        Self { frequency: frequency_hz, damping: damping_ratio, coupling, rotations }
+    }
+}
+
+impl From<DynamicsPreset> for NetworkSettings {
+    fn from(preset: DynamicsPreset) -> Self {
+        let DynamicsPreset { frequency, damping, coupling, rotations } = preset;
+        Self { frequency_hz: frequency, damping_ratio: damping, coupling, rotations }
     }
 }
 

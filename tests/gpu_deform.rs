@@ -5,7 +5,7 @@ mod gpu_support;
 
 use glam::DVec3;
 use gpu_support::{Model, bar, bend, context, sphere};
-use incise::geometry::{VertexId, WedgeId};
+use incise::geometry::{Turn, VertexId, WedgeId};
 use incise::gpu::{Renderer, TissueDirty};
 
 /// The reach of DESIGN 4.
@@ -20,7 +20,8 @@ fn alpha(model: &Model, start: f32) -> f64 {
 /// f of MATHS 2, from the skinned position.
 fn displaced(model: &Model, v: VertexId, skinned: DVec3) -> DVec3 {
     let influences = model.map.influences.row(v.index());
-    let moved: DVec3 = influences.iter().map(|i| model.displacements[i.particle.index()] * f64::from(i.weight)).sum();
+    let carried = |p: usize| model.displacements[p] + model.rotations.get(p).map_or(DVec3::ZERO, |t| t.carries(skinned));
+    let moved: DVec3 = influences.iter().map(|i| carried(i.particle.index()) * f64::from(i.weight)).sum();
     let faded = match model.fades.get(v.index()) {
         Some(f) => {
             let c = DVec3::new(f64::from(f[0]), f64::from(f[1]), f64::from(f[2]));
@@ -74,6 +75,18 @@ fn busy_bar() -> Model {
     model
 }
 
+/// The same with turned particles: the middle ones by up to a right angle.
+fn twisted_bar() -> Model {
+    let mut model = busy_bar();
+    let turn = |k: usize| {
+        let angle = if (3..8).contains(&k) { 0.4 * k as f64 - 1.6 } else { 0.0 };
+        let spin = glam::DMat3::from_axis_angle(DVec3::new(1.0, 0.3, -0.2).normalize(), angle) - glam::DMat3::IDENTITY;
+        Turn { spin, about: DVec3::new(-0.45 + 0.1 * k as f64, 0.1, 0.02) }
+    };
+    model.rotations = (0..model.displacements.len()).map(turn).collect();
+    model
+}
+
 fn renderer() -> Renderer {
     Renderer::new(context())
 }
@@ -92,6 +105,50 @@ fn positions_equal_the_f64_formula() {
     let found = error(&model, &gpu, &reference(&model));
     println!("gpu against cpu: {found:.3e} of the diagonal");
     assert!(found < TOLERANCE, "{found:e}");
+}
+
+#[test]
+fn rotations_equal_the_f64_formula_and_go_away_again() {
+    let mut model = twisted_bar();
+    let mut renderer = renderer();
+    let gpu = deform(&mut renderer, &model);
+    let found = error(&model, &gpu, &reference(&model));
+    println!("gpu against cpu with rotations: {found:.3e} of the diagonal");
+    assert!(found < TOLERANCE, "{found:e}");
+    // Broken twins: no rotations, and rotations about the origin.
+    assert!(error(&model, &gpu, &reference(&busy_bar())) > 100.0 * TOLERANCE);
+    let mut astray = twisted_bar();
+    astray.rotations.iter_mut().for_each(|t| t.about = DVec3::ZERO);
+    assert!(error(&model, &gpu, &reference(&astray)) > 100.0 * TOLERANCE);
+    // Without them the tissue is what it was, to the bit.
+    model.rotations.clear();
+    model.versions.rotations += 1;
+    renderer.sync(1, &model.view(), &TissueDirty::clean()).expect("sync");
+    renderer.deform().expect("deform");
+    assert_eq!(renderer.read_positions(1).expect("positions"), deform(&mut self::renderer(), &busy_bar()));
+}
+
+/// What is off costs nothing: not a byte, and three vectors a particle when it is on.
+#[test]
+fn rotations_are_uploaded_only_where_there_are_any() {
+    let mut renderer = renderer();
+    let mut bytes = |model: &Model| {
+        renderer.sync(1, &model.view(), &TissueDirty::clean()).expect("sync");
+        renderer.deform().expect("deform");
+        renderer.take_counters().bytes_uploaded
+    };
+    let mut model = busy_bar();
+    bytes(&model);
+    assert_eq!(bytes(&model), 0);
+    model.versions.displacements += 1;
+    let plain = bytes(&model);
+    model.rotations = twisted_bar().rotations;
+    (model.versions.displacements, model.versions.rotations) = (2, 1);
+    let first = bytes(&model);
+    (model.versions.displacements, model.versions.rotations) = (3, 2);
+    // the tissue's record changed with the first
+    assert_eq!(bytes(&model), plain + 48 * model.rotations.len() as u64);
+    assert!(first > plain + 48 * model.rotations.len() as u64);
 }
 
 #[test]

@@ -147,8 +147,7 @@ pub fn find_animation(rig: &Rig, pose: &PoseArgs) -> Result<Option<usize>, CliEr
 
 /// Springs of the active material.
 pub fn network_settings(config: &Config) -> NetworkSettings {
-    let preset = config.dynamics.active();
-    NetworkSettings { frequency_hz: preset.frequency, damping_ratio: preset.damping, coupling: preset.coupling }
+    config.dynamics.active().into()
 }
 
 /// How the scene's tissue is made.

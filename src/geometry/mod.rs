@@ -17,6 +17,7 @@ pub mod sections;
 pub mod topology;
 pub mod tracked;
 pub mod triangulate;
+pub mod turn;
 pub mod validate;
 
 pub use components::Components;
@@ -32,3 +33,4 @@ pub use section_graph::{Part, SectionGraph};
 pub use topology::{NewFace, SplitVertex, TopologyScratch};
 pub use tracked::{Delta, Tracked};
 pub use triangulate::{NO_OPPOSITE, TriangulationOutcome, Triangulator};
+pub use turn::Turn;

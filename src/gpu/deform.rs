@@ -17,6 +17,28 @@ pub struct Variant {
     pub skinned: bool,
     /// Some tissue is displaced or fading.
     pub displaced: bool,
+    /// Some tissue has turned particles; such a tissue is displaced too.
+    pub rotated: bool,
+}
+
+impl Variant {
+    /// All that there are to compile; [`Variant::index`] is the place here.
+    const ALL: [Self; 6] = [
+        Self::of(false, false, false),
+        Self::of(true, false, false),
+        Self::of(false, true, false),
+        Self::of(true, true, false),
+        Self::of(false, true, true),
+        Self::of(true, true, true),
+    ];
+
+    const fn of(skinned: bool, displaced: bool, rotated: bool) -> Self {
+        Self { skinned, displaced, rotated }
+    }
+
+    fn index(self) -> usize {
+        usize::from(self.skinned) + 2 * (usize::from(self.displaced || self.rotated) + usize::from(self.rotated))
+    }
 }
 
 /// One of the two stages: a list of work, and a pipeline for each variant.
@@ -24,7 +46,7 @@ pub struct Variant {
 struct Stage {
     name: &'static str,
     layout: wgpu::BindGroupLayout,
-    pipelines: [wgpu::ComputePipeline; 4],
+    pipelines: Vec<wgpu::ComputePipeline>,
     work: WorkList,
     bind_group: Option<(u64, wgpu::BindGroup)>,
     storage: &'static [ArenaKind],
@@ -44,7 +66,14 @@ const NORMALS_ARENAS: [ArenaKind; 6] =
 impl DeformPass {
     /// Compiles the pipelines.
     pub fn new(context: &Context) -> Self {
-        Self { stages: [Stage::new(context, "deform", &DEFORM_ARENAS), Stage::new(context, "normals", &NORMALS_ARENAS)] }
+        // normals are gathered from final positions and know nothing of turns
+        let (deform, normals) = (&Variant::ALL[..], &Variant::ALL[..4]);
+        Self {
+            stages: [
+                Stage::new(context, "deform", &DEFORM_ARENAS, deform),
+                Stage::new(context, "normals", &NORMALS_ARENAS, normals),
+            ],
+        }
     }
 
     /// Starts new lists of work.
@@ -87,7 +116,8 @@ impl DeformPass {
             stage.bind(context, arenas, table);
             let Some((_, bind_group)) = &stage.bind_group else { continue };
             if groups.0 > 0 {
-                pass.set_pipeline(&stage.pipelines[usize::from(variant.skinned) + 2 * usize::from(variant.displaced)]);
+                let known = Variant { rotated: variant.rotated && stage.pipelines.len() == Variant::ALL.len(), ..variant };
+                pass.set_pipeline(&stage.pipelines[known.index()]);
                 pass.set_bind_group(0, bind_group, &[]);
                 pass.dispatch_workgroups(groups.0, groups.1, 1);
                 dispatches += 1;
@@ -98,7 +128,7 @@ impl DeformPass {
 }
 
 impl Stage {
-    fn new(context: &Context, name: &'static str, storage: &'static [ArenaKind]) -> Self {
+    fn new(context: &Context, name: &'static str, storage: &'static [ArenaKind], variants: &[Variant]) -> Self {
         let device = context.device();
         let entries: Vec<_> = (0..storage.len() as u32 + 2).map(|b| storage_entry(b, b != 5)).collect();
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(name), entries: &entries });
@@ -111,9 +141,11 @@ impl Stage {
             label: Some(name),
             source: wgpu::ShaderSource::Wgsl(types::shader_for(name, true)),
         });
-        let pipelines = std::array::from_fn(|variant| {
-            let constants = [("skinned", (variant & 1) as f64), ("displaced", (variant >> 1) as f64)];
+        let compile = |variant: &Variant| {
             context.note_pipeline();
+            let on = |is: bool| f64::from(u8::from(is));
+            let constants =
+                [("skinned", on(variant.skinned)), ("displaced", on(variant.displaced)), ("rotated", on(variant.rotated))];
             device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(name),
                 layout: Some(&pipeline_layout),
@@ -122,7 +154,8 @@ impl Stage {
                 compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
                 cache: None,
             })
-        });
+        };
+        let pipelines = variants.iter().map(compile).collect();
         Self { name, layout, pipelines, work: WorkList::new(context), bind_group: None, storage }
     }
 
@@ -216,6 +249,13 @@ fn dispatch_shape(groups: u32) -> (u32, u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_variant_finds_its_pipeline() {
+        for (k, variant) in Variant::ALL.into_iter().enumerate() {
+            assert_eq!(variant.index(), k);
+        }
+    }
 
     #[test]
     fn dispatches_hold_all_groups_within_limits() {

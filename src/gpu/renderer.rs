@@ -20,7 +20,7 @@ use super::targets::{PassKind, Passes, Picture, RenderTarget, TargetPool};
 use super::timing::{GpuTimes, Timer};
 use super::tissue_pass::TissuePass;
 use super::tissue_store::{GpuTissue, MAX_TISSUES};
-use super::types::{DISPLACED, FADING, SKINNED, TissueRecord};
+use super::types::{DISPLACED, FADING, ROTATED, SKINNED, TissueRecord};
 use super::view::{TissueDirty, TissueView};
 use super::views::{ViewPose, ViewSet, check_views};
 use std::collections::BTreeMap;
@@ -204,6 +204,7 @@ impl Renderer {
             self.deform.add(record.slot, record.vertex_count, record.wedge_count);
             variant.skinned |= record.flags & SKINNED != 0;
             variant.displaced |= record.flags & (DISPLACED | FADING) != 0;
+            variant.rotated |= record.flags & ROTATED != 0;
             tissue.needs_deform = false;
         }
         let table = self.table.buffer();

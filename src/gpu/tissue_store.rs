@@ -4,9 +4,9 @@ use super::arenas::{ArenaKind, Arenas, Slot};
 use super::camera::Bounds;
 use super::context::Context;
 use super::error::GpuError;
-use super::types::{DISPLACED, FADING, FaceRecord, SKINNED, Term, TissueRecord, VertexRecord};
+use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord};
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
-use crate::geometry::VertexId;
+use crate::geometry::{Turn, VertexId};
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
 
@@ -23,6 +23,7 @@ struct Slots {
     joints: Slot,
     displacements: Slot,
     fades: Slot,
+    rotations: Slot,
     faces: Slot,
     wedges: Slot,
     positions: Slot,
@@ -30,7 +31,7 @@ struct Slots {
 }
 
 impl Slots {
-    fn all(&mut self) -> [(ArenaKind, &mut Slot); 11] {
+    fn all(&mut self) -> [(ArenaKind, &mut Slot); 12] {
         [
             (ArenaKind::Vertices, &mut self.vertices),
             (ArenaKind::Terms, &mut self.bones),
@@ -39,6 +40,7 @@ impl Slots {
             (ArenaKind::Vectors, &mut self.joints),
             (ArenaKind::Vectors, &mut self.displacements),
             (ArenaKind::Vectors, &mut self.fades),
+            (ArenaKind::Vectors, &mut self.rotations),
             (ArenaKind::Faces, &mut self.faces),
             (ArenaKind::Wedges, &mut self.wedges),
             (ArenaKind::Deformed, &mut self.positions),
@@ -63,6 +65,9 @@ pub struct GpuTissue {
     rest_bounds: RestBounds,
     posed: Bounds,
     largest_displacement: f64,
+    rotated: bool,
+    /// Farthest that a turned particle may carry a vertex.
+    largest_turn: f64,
     world_from_tissue: DAffine3,
 }
 
@@ -85,6 +90,8 @@ impl GpuTissue {
             rest_bounds: RestBounds::default(),
             posed: Bounds::EMPTY,
             largest_displacement: 0.0,
+            rotated: false,
+            largest_turn: 0.0,
             world_from_tissue: DAffine3::IDENTITY,
         }
     }
@@ -117,7 +124,8 @@ impl GpuTissue {
 
     /// Bounds in the pose of the last sync, world space; wide enough for all displacements.
     pub fn posed_bounds(&self) -> Bounds {
-        let wide = Bounds { min: self.posed.min - self.largest_displacement, max: self.posed.max + self.largest_displacement };
+        let reach = self.largest_displacement + self.largest_turn;
+        let wide = Bounds { min: self.posed.min - reach, max: self.posed.max + reach };
         transformed(wide, |p| self.world_from_tissue.transform_point3(p))
     }
 
@@ -153,6 +161,7 @@ impl GpuTissue {
     fn reserve(&mut self, context: &Context, arenas: &mut Arenas, view: &TissueView<'_>) -> Result<(), GpuError> {
         let (vertices, wedges) = (view.mesh.vertex_slots(), view.mesh.wedges().len());
         let fades = if view.fades.is_empty() { self.slots.fades.len as usize } else { vertices };
+        let rotations = if view.rotations.is_empty() { self.slots.rotations.len as usize } else { view.rotations.len() * 3 };
         let lengths = [
             vertices,
             view.rows.bones.arena().len(),
@@ -161,6 +170,7 @@ impl GpuTissue {
             view.pose.joint_matrices.len() * 3,
             view.displacements.len(),
             fades,
+            rotations,
             view.mesh.face_slots(),
             wedges,
             vertices,
@@ -210,6 +220,7 @@ impl GpuTissue {
     fn upload_motion(&mut self, arenas: &mut Arenas, view: &TissueView<'_>) {
         let new = |pick: fn(&ViewVersions) -> u64| self.versions.is_none_or(|old| pick(&old) != pick(&view.versions));
         let (pose, displacements, fades) = (new(|v| v.pose), new(|v| v.displacements), new(|v| v.fades));
+        let rotations = new(|v| v.rotations);
         if pose {
             let joints = &view.pose.joint_matrices;
             let row = |k: usize| joints[k / 3].rows[k % 3];
@@ -221,10 +232,21 @@ impl GpuTissue {
             arenas.upload(ArenaKind::Vectors, self.slots.displacements, 0..view.displacements.len(), vector);
             self.largest_displacement = view.displacements.iter().map(|u| u.length()).fold(0.0, f64::max);
         }
+        if rotations {
+            let vector = |k: usize| {
+                let turn = &view.rotations[k / 3];
+                turn.spin.row(k % 3).extend(turn.about[k % 3]).as_vec4().to_array()
+            };
+            arenas.upload(ArenaKind::Vectors, self.slots.rotations, 0..view.rotations.len() * 3, vector);
+            self.rotated = !view.rotations.is_empty();
+        }
+        if pose || rotations {
+            self.largest_turn = largest_turn(self.posed, view.rotations);
+        }
         if fades || self.fades.len() < view.fades.len() {
             self.upload_fades(arenas, view);
         }
-        self.needs_deform |= pose || displacements || fades;
+        self.needs_deform |= pose || displacements || fades || rotations;
     }
 
     /// Uploads the fades that differ from those on the GPU.
@@ -280,11 +302,13 @@ impl GpuTissue {
             joints: slots.joints.start,
             displacements: slots.displacements.start,
             fades: slots.fades.start,
+            rotations: slots.rotations.start,
             positions: slots.positions.start,
             normals: slots.normals.start,
             flags: flag(!view.pose.joint_matrices.is_empty(), SKINNED)
                 | flag(self.largest_displacement > 0.0, DISPLACED)
-                | flag(fading, FADING),
+                | flag(fading, FADING)
+                | flag(self.rotated, ROTATED | DISPLACED),
             time_high,
             time_low: if fading { (view.time_s - f64::from(time_high)) as f32 } else { 0.0 },
             fade_duration: view.fade_duration_s as f32,
@@ -335,6 +359,15 @@ impl RestBounds {
         }
         all
     }
+}
+
+/// Farthest that turns carry anything within `bounds` (MATHS 5.8).
+fn largest_turn(bounds: Bounds, turns: &[Turn]) -> f64 {
+    if bounds.is_empty() {
+        return 0.0;
+    }
+    let away = |t: &Turn| (t.about - bounds.min).abs().max((bounds.max - t.about).abs()).length();
+    turns.iter().map(|t| t.size() * away(t)).fold(0.0, f64::max)
 }
 
 fn transformed(bounds: Bounds, transform: impl Fn(DVec3) -> DVec3) -> Bounds {

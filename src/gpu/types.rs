@@ -59,7 +59,7 @@ gpu_struct!(
         materials: u32,
         /// Materials.
         material_count: u32,
-        /// [`SKINNED`], [`DISPLACED`], [`FADING`].
+        /// [`SKINNED`], [`DISPLACED`], [`FADING`], [`ROTATED`].
         flags: u32,
         /// Its own position in the table.
         slot: u32,
@@ -71,10 +71,10 @@ gpu_struct!(
         fade_duration: f32,
         /// One over the diagonal.
         detail_scale: f32,
+        /// First of three vectors a particle: a row of `R - I` each, and a coordinate of its anchor; read only while [`ROTATED`].
+        rotations: u32,
         /// Zero.
-        padding_0: u32,
-        /// Zero.
-        padding_1: u32,
+        padding: u32,
     }
 );
 
@@ -91,6 +91,8 @@ pub const SKINNED: u32 = 1;
 pub const DISPLACED: u32 = 2;
 /// Some vertex of the tissue still fades (MATHS 2.2).
 pub const FADING: u32 = 4;
+/// Some particle of the tissue is turned (MATHS 2.1).
+pub const ROTATED: u32 = 8;
 
 gpu_struct!(
     /// A topological vertex. Spans are (start, length) in the tissue's term ranges.

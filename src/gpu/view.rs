@@ -1,7 +1,7 @@
 //! What the GPU layer is shown of a tissue, and what changed in it: plain borrowed data, so that it depends on no owner.
 
 use super::error::GpuError;
-use crate::geometry::{Mesh, MeshDelta, SlotCsrDelta};
+use crate::geometry::{Mesh, MeshDelta, SlotCsrDelta, Turn};
 use crate::particles::{ParticleMap, ParticleMapDelta};
 use crate::rig::{Pose, VertexRows, VertexRowsDelta};
 use bytemuck::Pod;
@@ -49,6 +49,8 @@ pub struct ViewVersions {
     pub displacements: u64,
     /// Of the fades.
     pub fades: u64,
+    /// Of the rotations.
+    pub rotations: u64,
     /// Of the materials.
     pub materials: u64,
 }
@@ -64,6 +66,8 @@ pub struct TissueView<'a> {
     pub map: &'a ParticleMap,
     /// Displacement `u` of each particle, tissue space, metres (P).
     pub displacements: &'a [DVec3],
+    /// Turn of each particle about its skinned anchor (P), or none at all (MATHS 2.1).
+    pub rotations: &'a [Turn],
     /// `c` in the rest frame and start time in seconds, for each vertex (V), or none at all (MATHS 2.2).
     pub fades: &'a [[f32; 4]],
     /// How long a fade takes, seconds.
@@ -97,6 +101,9 @@ impl TissueView<'_> {
             expect("influences", self.map.influences.rows(), vertices)?;
         }
         expect("displacements", self.displacements.len(), self.map.len())?;
+        if !self.rotations.is_empty() {
+            expect("rotations", self.rotations.len(), self.map.len())?;
+        }
         if !self.fades.is_empty() {
             expect("fades", self.fades.len(), vertices)?;
         }
@@ -120,7 +127,7 @@ impl TextureView<'_> {
 /// A face's material is 16 bits wide on the GPU.
 pub const MAX_MATERIALS: usize = 1 << 16;
 
-/// What changed in a tissue's structure since the last sync. Poses, displacements and fades are told by their versions.
+/// What changed in a tissue's structure since the last sync. Poses, displacements, rotations and fades are told by their versions.
 #[derive(Clone, Debug)]
 pub enum TissueDirty {
     /// Everything, or the tissue is new.

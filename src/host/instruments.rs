@@ -54,6 +54,7 @@ impl Instruments {
                 rows: &model.rows,
                 map: &self.map,
                 displacements: &[],
+                rotations: &[],
                 fades: &[],
                 fade_duration_s: 0.0,
                 time_s: 0.0,

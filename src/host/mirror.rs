@@ -138,6 +138,7 @@ fn tissue_view<'a>(tissue: &'a Tissue, materials: &'a [MaterialView<'a>]) -> Tis
         rows: tissue.rows(),
         map: tissue.layer().map_or(&NO_PARTICLES, |l| &l.map),
         displacements: tissue.layer().map_or(&[], |l| l.displacements()),
+        rotations: tissue.layer().map_or(&[], |l| l.network.turns()),
         fades: &tissue.fades().entries,
         fade_duration_s: tissue.fades().duration_s,
         time_s: tissue.time_s(),
@@ -149,6 +150,7 @@ fn tissue_view<'a>(tissue: &'a Tissue, materials: &'a [MaterialView<'a>]) -> Tis
             pose: versions.pose,
             displacements: versions.displacements,
             fades: versions.fades,
+            rotations: versions.rotations,
             materials: tissue.materials().len() as u64,
         },
     }

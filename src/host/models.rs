@@ -109,8 +109,7 @@ pub fn counts(scene: &Scene) -> [usize; 4] {
 /// Springs, wounds and walls as the panel's settings have them, on what is there.
 pub fn apply_settings(app: &mut App, panel: &mut PanelState) {
     let config = &panel.config;
-    let preset = config.dynamics.active();
-    let network = NetworkSettings { frequency_hz: preset.frequency, damping_ratio: preset.damping, coupling: preset.coupling };
+    let network = NetworkSettings::from(config.dynamics.active());
     app.scene.set_wall(config.tear.wall);
     let ids: Vec<TissueId> = app.scene.tissues().map(|(id, _)| id).collect();
     let mut refused = None;

@@ -259,6 +259,8 @@ fn material(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         slider(&mut values.coupling, 0.0..=8.0).text("coupling"),
         "Stiffness of a spring to a neighbour, in anchor stiffnesses: how far a push spreads",
     );
+    let hint = "Particles turn with their neighbourhood: large bends keep their shape";
+    changed |= ui.checkbox(&mut values.rotations, "rotations").on_hover_text(hint).changed();
     if changed {
         actions.push(PanelAction::SettingsChanged);
     }

@@ -23,7 +23,8 @@ pub struct Activity {
     stamps: Vec<u32>,
     stamp: u32,
     queue: Vec<u32>,
-    dropped: Vec<u32>,
+    /// Rows that the last update found asleep and the one before awake.
+    pub dropped: Vec<u32>,
 }
 
 impl Activity {
@@ -72,9 +73,9 @@ impl Activity {
         self.disturbed.extend(0..self.stamps.len() as u32);
     }
 
-    /// Finds the awake rows: those within `reach` springs of a restless or disturbed one. Returns the rows that fell
-    /// asleep. `linked`: number of rows with springs, which come first.
-    pub fn update(&mut self, matrix: &Matrix, linked: usize, held: &[bool], reach: usize) -> &[u32] {
+    /// Finds the awake rows, those within `reach` springs of a restless or disturbed one, and those that fell asleep. `linked`:
+    /// number of rows with springs, which come first.
+    pub fn update(&mut self, matrix: &Matrix, linked: usize, held: &[bool], reach: usize) {
         self.next_stamp();
         self.queue.clear();
         // Every linked row is awake and most are restless: no search is worth its time.
@@ -88,7 +89,6 @@ impl Activity {
         self.dropped.extend(self.awake.iter().copied().filter(|row| stamps[*row as usize] != stamp));
         self.disturbed.clear();
         self.collect(linked, held);
-        &self.dropped
     }
 
     fn next_stamp(&mut self) {

@@ -75,7 +75,8 @@ impl Bench {
 #[test]
 fn a_sphere_pushes_the_skin_aside_at_any_stiffness_and_step() {
     for (frequency, h) in [(3.0, FRAME), (5000.0, FRAME), (3.0, 1.0), (5000.0, 1e-4), (0.05, 0.3)] {
-        let mut bench = Bench::new(NetworkSettings { frequency_hz: frequency, damping_ratio: 0.5, coupling: 1.0 });
+        let mut bench =
+            Bench::new(NetworkSettings { frequency_hz: frequency, damping_ratio: 0.5, coupling: 1.0, rotations: false });
         let tool = bench.world.add_driven(sphere(0.15), at(0.02, 0.4, 0.01)).unwrap();
         for k in 0..=40 {
             let y = 0.4 - 0.01 * f64::from(k.min(35));
@@ -203,7 +204,8 @@ fn two_spheres_squeeze_and_stay_finite_when_they_meet() {
 #[test]
 fn a_ball_that_falls_comes_to_lie_on_the_skin() {
     for frequency in [2.0, 20.0, 5000.0] {
-        let mut bench = Bench::new(NetworkSettings { frequency_hz: frequency, damping_ratio: 0.7, coupling: 1.0 });
+        let mut bench =
+            Bench::new(NetworkSettings { frequency_hz: frequency, damping_ratio: 0.7, coupling: 1.0, rotations: false });
         bench.mass = 0.2;
         let ball = bench.world.add_ball(0.15, 0.5, at(0.01, 0.3, 0.02)).unwrap();
         (0..1500).for_each(|_| bench.step(FRAME));

@@ -13,7 +13,7 @@ fn small() -> NetworkTopology {
 }
 
 fn settings(frequency_hz: f64, damping_ratio: f64, coupling: f64) -> NetworkSettings {
-    NetworkSettings { frequency_hz, damping_ratio, coupling }
+    NetworkSettings { frequency_hz, damping_ratio, coupling, rotations: false }
 }
 
 /// Settings with the wanted `h omega_max` at a step of 1/60 s.

@@ -245,6 +245,11 @@ impl Matrix {
         self.blocks(&self.heads[row]).iter().flat_map(|b| b.columns)
     }
 
+    /// Springs of a row, as (column, spring); the padding is springs of 0 to the row itself.
+    pub fn springs(&self, row: usize) -> impl Iterator<Item = (u32, f32)> + '_ {
+        self.blocks(&self.heads[row]).iter().flat_map(|b| b.columns.into_iter().zip(b.springs))
+    }
+
     #[inline(always)]
     fn blocks(&self, head: &Head) -> &[Block] {
         &self.blocks[head.start as usize..head.end as usize]

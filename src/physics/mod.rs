@@ -15,6 +15,7 @@ mod patch;
 pub mod propagator;
 pub mod reference;
 mod rigid;
+mod rotation;
 pub mod series;
 mod settings;
 mod step;

@@ -7,7 +7,7 @@ use super::activity::Activity;
 use super::matrix::{Lanes, Matrix, add_scaled};
 use super::settings::{NetworkSettings, SettingsError};
 use super::topology::NetworkTopology;
-use crate::geometry::{ParticleId, StateHash};
+use crate::geometry::{ParticleId, StateHash, Turn};
 use glam::DVec3;
 
 /// Largest magnitude of any input (metres, m/s or N); beyond it, like NaN, an input is refused and counted.
@@ -47,6 +47,8 @@ pub struct Network {
     pub(super) held: Vec<bool>,
     /// `u` by particle: what the rest of the program reads.
     pub(super) displacement: Vec<[f64; 3]>,
+    /// `R_j` by particle; empty while all are the identity.
+    pub(super) turns: Vec<Turn>,
     pub(super) activity: Activity,
     pub(super) quarantined: u64,
     pub(super) quarantined_in_a_row: u32,
@@ -73,6 +75,7 @@ impl Default for Network {
             released: Vec::new(),
             held: Vec::new(),
             displacement: Vec::new(),
+            turns: Vec::new(),
             activity: Activity::default(),
             quarantined: 0,
             quarantined_in_a_row: 0,
@@ -144,6 +147,7 @@ impl Network {
         self.refresh_stiffness();
         self.rename_rows(&old, n);
         self.displacement = (0..n).map(|p| unpadded(&self.u(self.row_of[p] as usize)).into()).collect();
+        self.resize_turns(n);
         self.disturb_unrested();
     }
 
@@ -341,9 +345,9 @@ impl Network {
         self.row_of.get(particle.0 as usize).is_some_and(|row| self.held[*row as usize])
     }
 
-    /// True if the next step has anything to do.
+    /// True if the next step has anything to do, if only to put what came to rest exactly there.
     pub fn awake(&self) -> bool {
-        !self.activity.asleep()
+        !self.activity.asleep() || !self.activity.awake.is_empty()
     }
 
     /// Particles that the last step moved.

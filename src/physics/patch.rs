@@ -129,6 +129,7 @@ impl Network {
             self.displacement.push([0.0; 3]);
             self.matrix.push_lone_row(self.settings.coupling, 1.0);
         }
+        self.resize_turns(particles);
         // so that a steady step allocates nothing
         self.reserve_lists(particles);
     }

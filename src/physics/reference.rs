@@ -329,7 +329,7 @@ mod tests {
     #[test]
     fn integrators_converge_at_their_order() {
         let (_, topology) = benchmark_network(20, 50);
-        let settings = NetworkSettings { frequency_hz: 1.0, damping_ratio: 0.1, coupling: 1.0 };
+        let settings = NetworkSettings { frequency_hz: 1.0, damping_ratio: 0.1, coupling: 1.0, rotations: false };
         let run = |integrator, steps: usize| {
             let mut n = ReferenceNetwork::new(&topology, settings);
             n.u[3] = [0.1, 0.0, -0.2];
@@ -356,7 +356,7 @@ mod tests {
     fn energy_is_kept_without_damping_and_lost_with_it() {
         let (_, topology) = benchmark_network(20, 50);
         for (damping_ratio, kept) in [(0.0, true), (0.05, false)] {
-            let settings = NetworkSettings { frequency_hz: 1.0, damping_ratio, coupling: 1.0 };
+            let settings = NetworkSettings { frequency_hz: 1.0, damping_ratio, coupling: 1.0, rotations: false };
             let mut n = ReferenceNetwork::new(&topology, settings);
             n.u[3] = [0.1, 0.0, -0.2];
             n.forces[5] = [1.0, 0.0, 0.0];

@@ -12,6 +12,8 @@ pub struct NetworkSettings {
     pub damping_ratio: f64,
     /// Stiffness of a neighbour spring of weight 1 relative to the anchor spring: how far a push spreads.
     pub coupling: f64,
+    /// Particles turn with their neighbourhood, so that large bends keep their shape (`R_j` of MATHS 2.1).
+    pub rotations: bool,
 }
 
 /// A setting outside its range.
@@ -36,11 +38,11 @@ impl Default for NetworkSettings {
 
 impl NetworkSettings {
     /// Gives far and swings: skin over fat.
-    pub const SOFT: Self = Self { frequency_hz: 3.0, damping_ratio: 0.5, coupling: 2.0 };
+    pub const SOFT: Self = Self { frequency_hz: 3.0, damping_ratio: 0.5, coupling: 2.0, rotations: false };
     /// Gives little and settles at once: liver, muscle.
-    pub const FIRM: Self = Self { frequency_hz: 8.0, damping_ratio: 0.8, coupling: 1.0 };
+    pub const FIRM: Self = Self { frequency_hz: 8.0, damping_ratio: 0.8, coupling: 1.0, rotations: false };
     /// Creeps back without a swing: foam, lung.
-    pub const SPONGE: Self = Self { frequency_hz: 2.0, damping_ratio: 1.5, coupling: 0.3 };
+    pub const SPONGE: Self = Self { frequency_hz: 2.0, damping_ratio: 1.5, coupling: 0.3, rotations: false };
 
     /// A preset by name: `soft`, `firm` or `sponge`.
     pub fn preset(name: &str) -> Option<Self> {

@@ -139,11 +139,23 @@ impl Network {
         report
     }
 
-    /// Finds the awake rows; those that fell asleep stop.
+    /// Finds the awake rows; those that fell asleep are put to rest.
     fn wake(&mut self, reach: usize) {
-        let Self { activity, matrix, linked, held, v, .. } = self;
-        for row in activity.update(matrix, *linked, held, reach) {
-            v[*row as usize] = [0.0; 4];
+        let Self { activity, matrix, linked, held, .. } = self;
+        activity.update(matrix, *linked, held, reach);
+        let rows = std::mem::take(&mut self.activity.dropped);
+        rows.iter().for_each(|row| self.put_to_rest(*row as usize));
+        self.activity.dropped = rows;
+    }
+
+    /// Stops a row. If it is within the threshold of its rest displacement it is put there exactly, so that a resting model is
+    /// drawn without the displacement.
+    fn put_to_rest(&mut self, row: usize) {
+        self.v[row] = [0.0; 4];
+        let near = self.e[row].iter().all(|x| x.abs() <= REST_THRESHOLD * self.length);
+        if near && self.force[row] == [0.0; 4] && !self.held[row] {
+            self.e[row] = [0.0; 4];
+            self.displacement[self.order[row] as usize] = unpadded(&self.u(row)).into();
         }
     }
 
@@ -324,19 +336,10 @@ impl Network {
         }
     }
 
-    /// Everything came to rest: what is within the threshold of its rest displacement is put there exactly, so that a
-    /// resting model is drawn without the displacement.
+    /// Everything came to rest.
     fn settle(&mut self) {
-        let amplitude = REST_THRESHOLD * self.length;
         let rows = std::mem::take(&mut self.activity.awake);
-        for row in rows.iter().map(|row| *row as usize) {
-            self.v[row] = [0.0; 4];
-            let near = self.e[row].iter().all(|x| x.abs() <= amplitude);
-            if near && self.force[row] == [0.0; 4] && !self.held[row] {
-                self.e[row] = [0.0; 4];
-                self.displacement[self.order[row] as usize] = unpadded(&self.u(row)).into();
-            }
-        }
+        rows.iter().for_each(|row| self.put_to_rest(*row as usize));
         self.activity.awake = rows;
         self.activity.awake.clear();
     }

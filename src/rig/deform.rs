@@ -1,8 +1,9 @@
-//! Final positions on the CPU: `f = s + sum w u + alpha A c` (MATHS 2.1, 2.2), the f64 twin of `shaders/deform.wgsl`.
+//! Final positions on the CPU: `f = s + sum w (u + (R - I)(s - a)) + alpha A c` (MATHS 2.1, 2.2), the f64 twin of
+//! `shaders/deform.wgsl`.
 
 use super::rows::VertexRows;
 use super::skinning::Pose;
-use crate::geometry::VertexId;
+use crate::geometry::{Turn, VertexId};
 use glam::{DVec3, Vec3};
 
 /// Offsets that hold inserted and reweighted vertices where they were at the instant of an edit, and fade (MATHS 2.2).
@@ -73,20 +74,30 @@ impl Fades {
     }
 }
 
-/// Final position of a vertex. `influences` lists `(displacement of the particle, weight)`.
+/// Where particles carry a vertex whose skinned position is `skinned`; `influences` as for [`final_position`].
 #[inline]
-pub fn final_position(
+pub fn displaced<'a>(skinned: DVec3, influences: impl Iterator<Item = (DVec3, Option<&'a Turn>, f64)>) -> DVec3 {
+    let mut position = skinned;
+    for (mut displacement, turn, weight) in influences {
+        if let Some(turn) = turn {
+            displacement += turn.carries(skinned);
+        }
+        position += displacement * weight;
+    }
+    position
+}
+
+/// Final position of a vertex. `influences` lists `(displacement of the particle, its turn if it has one, weight)`.
+#[inline]
+pub fn final_position<'a>(
     rows: &VertexRows,
     pose: &Pose,
     fades: &Fades,
     time_s: f64,
     v: VertexId,
-    influences: impl Iterator<Item = (DVec3, f64)>,
+    influences: impl Iterator<Item = (DVec3, Option<&'a Turn>, f64)>,
 ) -> DVec3 {
-    let mut position = pose.skin(rows, v);
-    for (displacement, weight) in influences {
-        position += displacement * weight;
-    }
+    let mut position = displaced(pose.skin(rows, v), influences);
     let offset = fades.offset(v, time_s);
     if offset != DVec3::ZERO {
         position += pose.blended_linear(rows, v) * offset;

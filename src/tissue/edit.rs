@@ -2,13 +2,13 @@
 //! and the plane cut itself. Tears are in [`super::stroke`].
 
 use super::walls::LONGEST_ROW;
-use super::{Posed, SoftLayer, Tissue};
+use super::{Posed, SoftLayer, Tissue, motions};
 use crate::diagnostics::Stages;
 use crate::geometry::{Plane, VertexId};
 use crate::particles::{
     Influence, LipVertex, MapEdit, MapUpdateReport, ParticleMap, PlaneCutVertices, update_after_edit, update_after_plane_cut,
 };
-use crate::rig::final_position;
+use crate::rig::{displaced, final_position};
 use crate::surgery::cap::{CapDress, CapOutcome, CapScratch, cap};
 use crate::surgery::insert::NewVertex;
 use crate::surgery::plane_cut::{PlaneCutOutcome, PlaneCutScratch, Reach, plane_cut_within};
@@ -107,8 +107,7 @@ impl Tissue {
             let pairs = pairs.chunks_exact(2).map(|p| ([p[0].vertex, p[1].vertex], [p[0].parents[0].0, p[0].parents[1].0]));
             let displacements: &[DVec3] = bytemuck::cast_slice(network.displacements());
             let value = |map: &ParticleMap, v: VertexId| {
-                let influences = map.influences.row(v.index()).iter();
-                let moved = influences.map(|i| (displacements[i.particle.index()], f64::from(i.weight)));
+                let moved = motions(map.influences.row(v.index()), displacements, network.turns());
                 cut.value(v).unwrap_or_else(|| plane.value(final_position(rows, pose, fades, *time_s, v, moved)))
             };
             let on_positive_side = |map: &ParticleMap, v: VertexId| match value(map, v) {
@@ -190,17 +189,19 @@ impl Tissue {
         let (map, network) = (&layer.map, &mut layer.network);
         let springs = |p: usize| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight));
         network.update_springs(map.len(), &report.relinked, springs);
-        let displaced = |row: &[Influence]| -> DVec3 {
-            row.iter().map(|i| layer.displacements()[i.particle.index()] * f64::from(i.weight)).sum()
+        let layer = &*layer;
+        let carried = |v: VertexId, row: &[Influence]| {
+            displaced(self.pose.skin(&self.rows, v), motions(row, layer.displacements(), layer.network.turns()))
         };
         let moved: Vec<(VertexId, DVec3)> = scratch
             .rows_before()
             .filter(|(v, _)| v.index() < old_len && self.mesh.vertex_is_live(*v))
-            .map(|(v, before)| (v, displaced(before) - displaced(layer.map.influences.row(v.index()))))
+            .map(|(v, before)| (v, carried(v, before) - carried(v, layer.map.influences.row(v.index()))))
             .collect();
         let inserted = new.iter().map(|n| (n.vertex, n.position));
-        let targets: Vec<(VertexId, DVec3)> =
+        let mut targets: Vec<(VertexId, DVec3)> =
             moved.into_iter().map(|(v, by)| (v, self.position(v) + by)).chain(inserted).collect();
+        self.refresh_turns_held(&mut targets);
         self.fade_from(targets.into_iter());
         report
     }

@@ -35,6 +35,7 @@ impl Tissue {
         let inverse = deltas.into_iter().rev().map(|delta| Arc::new(self.apply(Arc::unwrap_or_clone(delta)))).collect();
         self.follow_rows();
         self.sync_network();
+        self.refresh_turns();
         let threshold = 1e-10 * self.diagonal;
         let moved: Vec<_> = before
             .into_iter()

@@ -58,6 +58,7 @@ impl Tissue {
         let displacements = self.layer.as_ref().map_or(&[][..], |l| l.displacements());
         let mut hash = crate::geometry::StateHash::default();
         hash.bytes(bytemuck::cast_slice(displacements));
+        hash.word(self.versions.rotations);
         [self.versions.pose, hash.finish() ^ time, self.versions.fades]
     }
 

@@ -8,6 +8,7 @@ mod history;
 pub mod measure;
 pub mod pieces;
 mod positions;
+mod rotation;
 mod sections;
 pub mod stroke;
 mod surface;
@@ -16,9 +17,9 @@ mod walls;
 
 use crate::formats::{Material, Model};
 use crate::geometry::sections::{cluster_faces, join_strays};
-use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, StateHash, VertexId};
+use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, StateHash, Turn, VertexId};
 use crate::particles::{
-    ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
+    Influence, ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
 };
 use crate::physics::direct_displacement::target;
 use crate::physics::{Network, NetworkSettings, NetworkTopology, RigidPose, StepScratch};
@@ -74,6 +75,8 @@ pub struct Versions {
     pub displacements: u64,
     /// Fades.
     pub fades: u64,
+    /// Rotations of the particles.
+    pub rotations: u64,
 }
 
 /// One soft body.
@@ -129,16 +132,27 @@ impl Posed<'_> {
     }
 
     fn displaced(&self, v: VertexId) -> DVec3 {
-        let (row, displacements) = match self.layer {
+        let (row, displacements, turns) = match self.layer {
             // a vertex inserted a moment ago has no row yet
             Some(layer) if v.index() < layer.map.influences.rows() => {
-                (layer.map.influences.row(v.index()), layer.displacements())
+                (layer.map.influences.row(v.index()), layer.displacements(), layer.network.turns())
             }
-            _ => (&[][..], &[][..]),
+            _ => (&[][..], &[][..], &[][..]),
         };
-        let influences = row.iter().map(|i| (displacements[i.particle.index()], f64::from(i.weight)));
-        final_position(self.rows, self.pose, self.fades, self.time_s, v, influences)
+        final_position(self.rows, self.pose, self.fades, self.time_s, v, motions(row, displacements, turns))
     }
+}
+
+/// Displacement, turn and weight of each influence of a row.
+fn motions<'a>(
+    row: &'a [Influence],
+    displacements: &'a [DVec3],
+    turns: &'a [Turn],
+) -> impl Iterator<Item = (DVec3, Option<&'a Turn>, f64)> {
+    row.iter().map(|i| {
+        let p = i.particle.index();
+        (displacements[p], turns.get(p), f64::from(i.weight))
+    })
 }
 
 /// Buffers of one tissue, kept between frames.
@@ -157,6 +171,7 @@ struct TissueScratch {
     /// Held particles and their displacements: by hands, and all together.
     grabs: Vec<(ParticleId, DVec3)>,
     all_held: Vec<(ParticleId, DVec3)>,
+    turns: rotation::TurnScratch,
 }
 
 /// A wound this near to its full opening, as a fraction of the diagonal, has opened.
@@ -255,7 +270,7 @@ impl Tissue {
             pose,
             animation: None,
             sections: SectionBounds::default(),
-            versions: Versions { structure: 1, pose: 1, displacements: 1, fades: 1 },
+            versions: Versions { structure: 1, pose: 1, displacements: 1, fades: 1, rotations: 1 },
             scratch: TissueScratch::default(),
             touch: touch::Touch::default(),
             forces: forces::ForceState::default(),
@@ -381,6 +396,7 @@ impl Tissue {
         let rig = self.rig.clone();
         rig.pose(animation, animation_time_s, &mut self.scratch.pose, &mut self.pose);
         self.versions.pose += 1;
+        self.refresh_turns();
     }
 
     /// Final position of a vertex as the user sees it, tissue space (MATHS 2.1, 2.2).
@@ -399,26 +415,27 @@ impl Tissue {
 
     /// True if neither particles nor fades displace anything now: final positions are skinned ones, bit for bit.
     fn is_still(&self) -> bool {
-        let at_rest = |l: &SoftLayer| l.displacements().iter().all(|u| *u == DVec3::ZERO);
+        let at_rest = |l: &SoftLayer| l.network.turns().is_empty() && l.displacements().iter().all(|u| *u == DVec3::ZERO);
         self.layer.as_ref().is_none_or(at_rest) && !self.fades.running(self.time_s)
     }
 
     /// Carries a posed point (tissue space) to rest space with the frame of vertex `v`.
     fn to_rest(&self, v: VertexId, p: DVec3) -> DVec3 {
-        let linear = self.pose.blended_linear(&self.rows, v);
+        let linear = self.linear(v);
         let inverse = if linear.determinant().abs() > 1e-9 { linear.inverse() } else { glam::DMat3::IDENTITY };
         self.rest[v.index()] + inverse * (p - self.position(v))
     }
 
     /// Carries a rest-space point to the pose with the frame of vertex `v`: the way back of [`Tissue::to_rest`].
     fn to_posed(&self, v: VertexId, rest: DVec3) -> DVec3 {
-        self.position(v) + self.pose.blended_linear(&self.rows, v) * (rest - self.rest[v.index()])
+        self.position(v) + self.linear(v) * (rest - self.rest[v.index()])
     }
 
     /// Brings the section bounds to the current pose.
     fn refresh_sections(&mut self) {
         let version = self.versions.pose;
         self.sections.posed(&self.pose, version);
+        self.refresh_turn_reach();
     }
 
     fn sync_network(&mut self) {
@@ -480,6 +497,7 @@ impl Tissue {
         if layer.network.awake() {
             layer.network.step(step_s, step);
             self.versions.displacements += 1;
+            self.refresh_turns();
         }
     }
 

@@ -72,13 +72,24 @@ impl Tissue {
         if let Some(layer) = &self.layer {
             let (own, rows_before) = layer.extract(&piece, map, &self.rest);
             piece.layer = Some(own);
-            piece.hold_changed(&rows_before);
+            if layer.network.settings().rotations {
+                let stood = |v: VertexId| (v, self.position(map.vertex_from[v.index()]));
+                let targets: Vec<(VertexId, DVec3)> = piece.mesh.live_vertices().map(stood).collect();
+                piece.refresh_turns();
+                piece.fade_from(targets.into_iter());
+            } else {
+                piece.hold_changed(&rows_before);
+            }
         }
         piece
     }
 
     /// After pieces have left with the vertices `gone`: particles that hold nothing else go too.
     fn forget(&mut self, gone: &[VertexId]) {
+        // particles that have lost neighbours turn otherwise, which moves all that they hold
+        let turns = self.layer.as_ref().is_some_and(|l| l.network.settings().rotations);
+        let stood: Vec<(VertexId, DVec3)> =
+            if turns { self.mesh.live_vertices().map(|v| (v, self.position(v))).collect() } else { Vec::new() };
         let Some(layer) = &mut self.layer else { return };
         let done = layer.map.forget(&self.mesh, &self.rest, &mut layer.strips, gone.iter().copied());
         let (len, before, map) = (layer.map.len(), layer.network.len(), &layer.map);
@@ -89,7 +100,12 @@ impl Tissue {
             let kept: Vec<ParticleId> = (0..len).map(old).collect();
             layer.network = layer.network.subset(&kept, |p| springs(map, p));
         }
-        self.hold_changed(&done.rows_before);
+        if turns {
+            self.refresh_turns();
+            self.fade_from(stood.into_iter());
+        } else {
+            self.hold_changed(&done.rows_before);
+        }
     }
 
     /// Vertices whose influences have changed from `before` stay where they stood.

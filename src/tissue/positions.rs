@@ -5,11 +5,12 @@ use crate::geometry::VertexId;
 use glam::DVec3;
 use std::cell::Cell;
 
-/// What all final positions depend on together: versions of pose, displacements and fades, and the clock while vertices fade.
+/// What all final positions depend on together: versions of pose, displacements, rotations and fades, and the clock while vertices fade.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Moment {
     pose: u64,
     displacements: u64,
+    rotations: u64,
     fades: u64,
     time_bits: u64,
 }
@@ -29,7 +30,13 @@ impl PositionCache {
     fn moment(tissue: &Tissue) -> Moment {
         let time_s = if tissue.fades.running(tissue.time_s) { tissue.time_s } else { 0.0 };
         let versions = tissue.versions;
-        Moment { pose: versions.pose, displacements: versions.displacements, fades: versions.fades, time_bits: time_s.to_bits() }
+        Moment {
+            pose: versions.pose,
+            displacements: versions.displacements,
+            rotations: versions.rotations,
+            fades: versions.fades,
+            time_bits: time_s.to_bits(),
+        }
     }
 
     /// To be called before positions are asked for: forgets them if the tissue has moved, and makes room for new vertices.

@@ -16,8 +16,11 @@ impl Tissue {
     /// Faces of the sections whose widened posed bounds, low and high, satisfy `meets`.
     pub(super) fn faces_where(&self, meets: impl Fn(DVec3, DVec3) -> bool) -> impl Iterator<Item = FaceId> {
         let widen = self.widening();
-        let near = move |bounds: &(DVec3, DVec3)| meets(bounds.0 - widen.1, bounds.1 + widen.0);
-        let sections = self.sections.current().iter().enumerate().filter(move |(_, bounds)| near(bounds));
+        let near = move |(s, bounds): &(usize, &(DVec3, DVec3))| {
+            let turned = self.turn_reach(*s);
+            meets(bounds.0 - widen.1 - turned, bounds.1 + widen.0 + turned)
+        };
+        let sections = self.sections.current().iter().enumerate().filter(near);
         sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)))
     }
 
@@ -25,8 +28,11 @@ impl Tissue {
     /// [`Tissue::refresh_sections`] first.
     pub(super) fn sections_extent(&self) -> (DVec3, DVec3) {
         let (up, down) = self.widening();
-        let sections = self.sections.current().iter();
-        let (low, high) = sections.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), s| (l.min(s.0), h.max(s.1)));
+        let sections = self.sections.current().iter().enumerate();
+        let (low, high) = sections.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), (s, &(low, high))| {
+            let turned = self.turn_reach(s);
+            (l.min(low - turned), h.max(high + turned))
+        });
         (low - down, high + up)
     }
 
@@ -43,7 +49,8 @@ impl Tissue {
             if faces.peek().is_none() {
                 continue;
             }
-            let (low, high) = (low - widen.1, high + widen.0);
+            let turned = self.turn_reach(s);
+            let (low, high) = (low - widen.1 - turned, high + widen.0 + turned);
             let (middle, reach) = (normal.dot((low + high) / 2.0) + level, size.dot((high - low) / 2.0));
             match middle {
                 m if m > reach => beyond[0] = true,
@@ -65,7 +72,8 @@ impl Tissue {
         vertices.min_by(|a, b| near(a).total_cmp(&near(b)).then(a.cmp(b)))
     }
 
-    /// How far particles and fades may carry a vertex along each axis: (towards high, towards low), metres (MATHS 5.8).
+    /// How far displacements and fades may carry a vertex along each axis: (towards high, towards low), metres (MATHS 5.8). What
+    /// the particles' turns add differs by section: [`Tissue::turn_reach`].
     pub(super) fn widening(&self) -> (DVec3, DVec3) {
         let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
         let (mut high, mut low) = (margin, margin);

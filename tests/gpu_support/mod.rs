@@ -4,7 +4,7 @@
 pub mod golden;
 
 use glam::{DAffine3, DQuat, DVec3};
-use incise::geometry::{Mesh, SlotCsr, VertexId, Wedge, WedgeId};
+use incise::geometry::{Mesh, SlotCsr, Turn, VertexId, Wedge, WedgeId};
 use incise::gpu::{AdapterChoice, Context, ContextOptions, MaterialView, TissueView, ViewVersions};
 use incise::particles::{Influence, ParticleMap};
 use incise::rig::{BoneWeight, JointMatrix, Pose, VertexRows};
@@ -28,6 +28,7 @@ pub struct Model {
     pub rows: VertexRows,
     pub map: ParticleMap,
     pub displacements: Vec<DVec3>,
+    pub rotations: Vec<Turn>,
     pub fades: Vec<[f32; 4]>,
     pub fade_duration_s: f64,
     pub time_s: f64,
@@ -51,6 +52,7 @@ impl Model {
             rows: VertexRows::from_base(positions, bones),
             map,
             displacements: Vec::new(),
+            rotations: Vec::new(),
             fades: Vec::new(),
             fade_duration_s: 0.3,
             time_s: 0.0,
@@ -67,6 +69,7 @@ impl Model {
             rows: &self.rows,
             map: &self.map,
             displacements: &self.displacements,
+            rotations: &self.rotations,
             fades: &self.fades,
             fade_duration_s: self.fade_duration_s,
             time_s: self.time_s,

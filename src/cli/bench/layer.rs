@@ -34,7 +34,7 @@ pub(super) fn measure(quick: bool, note: &mut impl FnMut(Row)) -> Result<(), Cli
 type Stepper = Box<dyn FnMut() -> (f64, Vec<[f64; 3]>)>;
 
 fn steps(topology: &NetworkTopology, reach: f64) -> Result<Vec<Row>, CliError> {
-    let unit = NetworkSettings { frequency_hz: 1.0, damping_ratio: 0.1, coupling: 1.0 };
+    let unit = NetworkSettings { frequency_hz: 1.0, damping_ratio: 0.1, coupling: 1.0, rotations: false };
     let (_, high) = Network::new(topology, unit, 1.0).map_err(CliError::run)?.spectrum();
     let settings = NetworkSettings { frequency_hz: reach / (STEP * high.sqrt()), ..unit };
     let mut network = Network::new(topology, settings, 1e-30).map_err(CliError::run)?;
