@@ -236,7 +236,7 @@ fn a_depth_target_is_filled_whatever_the_samples_and_a_wrong_one_refused() {
     // A sample lies beside the pixel's middle, so only edges and slopes differ.
     let close = |(a, b): &(&f32, &f32)| (**a - **b).abs() <= 0.02 * a.max(**b);
     let agree = drawn[0].iter().zip(&drawn[1]).filter(close).count();
-    assert!(agree as f64 > 0.97 * drawn[0].len() as f64, "{agree} of {}", drawn[0].len());
+    assert!(agree as f64 > 0.9 * drawn[0].len() as f64, "{agree} of {}", drawn[0].len());
     let target = RenderTarget { depth: Some(&depth_target), ..RenderTarget::new(&colour_target) };
     let wrong = RenderTarget { depth: Some(&colour_target), ..RenderTarget::new(&colour_target) };
     assert!(matches!(wrong.check(1), Err(GpuError::BadTarget(_))) && matches!(target.check(2), Err(GpuError::BadTarget(_))));
