@@ -100,7 +100,8 @@ impl Network {
         let sweep = self.sweep();
         report.awake = self.activity.awake.len();
         let ramped = self.prescribe(h, scratch);
-        let iterations = pulp::Arch::new().dispatch(Propagation { network: self, h, ramped, method: report.method, sweep, scratch });
+        let iterations =
+            pulp::Arch::new().dispatch(Propagation { network: self, h, ramped, method: report.method, sweep, scratch });
         report.degree = report.degree.max(iterations);
         if self.finite(scratch) {
             self.commit(h, ramped, scratch);
