@@ -19,6 +19,9 @@ use std::sync::Arc;
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
+/// The counter is the program's, so one test at a time.
+static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
+
 fn allocations() -> u64 {
     let stats = ALLOCATOR.stats();
     (stats.allocations + stats.reallocations) as u64
@@ -53,6 +56,7 @@ impl FrameTarget for Target {
 
 #[test]
 fn a_steady_frame_allocates_nothing_of_ours() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
     let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
     let mut target = Target { mirror: Mirror::new(context), in_sync: 0, leaky: false };
     let (mut scene, animated) = scene("beam", 900);
@@ -73,6 +77,7 @@ fn a_steady_frame_allocates_nothing_of_ours() {
 /// A hand that drags the tissue along costs no allocation either.
 #[test]
 fn a_steady_grab_allocates_nothing_of_ours() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
     let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
     let mut target = Target { mirror: Mirror::new(context), in_sync: 0, leaky: false };
     let mut app = App::new(scene("beam", 900).0, 1.0, allocations);

@@ -151,6 +151,7 @@ impl Matrix {
 
     /// Appends a row with springs (`(column, spring)`); columns may be rows to come. To be closed by [`Self::set_stiffness`].
     pub fn push_row(&mut self, springs: impl Iterator<Item = (u32, f32)>) {
+        self.width = None;
         let (row, start) = (self.heads.len() as u32, self.blocks.len() as u32);
         let mut filled = 0;
         for (column, spring) in springs {
@@ -159,7 +160,7 @@ impl Matrix {
                 self.blocks.push(Block { columns: [row; BLOCK], springs: [0.0; BLOCK] });
             }
             if let Some(block) = self.blocks.last_mut() {
-                (block.columns[k], block.springs[k]) = (column, spring);
+                (block.columns[k], block.springs[k]) = (column, f64::from(spring));
             }
             filled += 1;
         }
