@@ -11,12 +11,16 @@ use incise::diagnostics::Stages;
 use incise::gpu::{Camera, Context, ContextOptions, DrawOptions, GpuError};
 use incise::host::mirror::Mirror;
 use incise::input::InputFrame;
+use incise::scene::EditCommand;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use std::alloc::System;
 use std::sync::Arc;
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+/// The counter is the program's, so one test at a time.
+static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());
 
 fn allocations() -> u64 {
     let stats = ALLOCATOR.stats();
@@ -52,6 +56,7 @@ impl FrameTarget for Target {
 
 #[test]
 fn a_steady_frame_allocates_nothing_of_ours() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
     let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
     let mut target = Target { mirror: Mirror::new(context), in_sync: 0, leaky: false };
     let (mut scene, animated) = scene("beam", 900);
@@ -63,6 +68,30 @@ fn a_steady_frame_allocates_nothing_of_ours() {
         let input = InputFrame { time_s: f64::from(number) / 90.0, step_s: 1.0 / 90.0, ..InputFrame::default() };
         let report = app.frame(&input, &mut target).expect("a frame");
         assert!(report.counters.dispatches == 2, "the beam moves in every frame");
+        counts.push((report.counters.allocations, target.in_sync));
+    }
+    assert!(counts[30..39].iter().all(|c| *c == (0, 0)), "{counts:?}");
+    assert_eq!(counts[39], (0, 1), "the control is noticed");
+}
+
+/// A hand that drags the tissue along costs no allocation either.
+#[test]
+fn a_steady_grab_allocates_nothing_of_ours() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
+    let mut target = Target { mirror: Mirror::new(context), in_sync: 0, leaky: false };
+    let mut app = App::new(scene("beam", 900).0, 1.0, allocations);
+    let mut counts = Vec::new();
+    for number in 0..40 {
+        let by = DVec3::Y * 0.002 * f64::from(number);
+        let commands = match number {
+            0 => vec![EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, 0.05, 0.0), radius: 0.12 }],
+            _ => vec![EditCommand::GrabMove { id: 1, by }],
+        };
+        target.leaky = number == 39;
+        let input = InputFrame { time_s: f64::from(number) / 90.0, step_s: 1.0 / 90.0, commands, ..InputFrame::default() };
+        let report = app.frame(&input, &mut target).expect("a frame");
+        assert!(number < 2 || (report.counters.particles_awake > 0 && report.counters.dispatches == 2), "{number}");
         counts.push((report.counters.allocations, target.in_sync));
     }
     assert!(counts[30..39].iter().all(|c| *c == (0, 0)), "{counts:?}");

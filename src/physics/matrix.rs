@@ -5,6 +5,7 @@
 //! `rate ((1 + g_i S_i) e_i - g_i sum_j s_ij e_j)`, `s_ij` symmetric, `g_i = coupling / m_i`, `S_i = sum_j s_ij`.
 
 use super::topology::NetworkTopology;
+use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
 /// A 3-vector of one particle, padded with a zero: one load, one multiplication.
@@ -12,13 +13,23 @@ pub type Lanes = [f64; 4];
 
 /// Two 3-vectors of one particle that travel through the series together (displacement and velocity): the matrix is read
 /// once for both, and a particle is one cache line.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C, align(64))]
 pub struct Pair {
     /// Displacement, or the velocity that goes into a step.
     pub first: Lanes,
     /// Velocity, or the acceleration that goes into a step.
     pub second: Lanes,
+}
+
+/// A [`Pair`] as one vector: the widest registers hold it whole.
+type Wide = [f64; 8];
+
+impl Pair {
+    #[inline(always)]
+    fn wide(&self) -> &Wide {
+        bytemuck::cast_ref(self)
+    }
 }
 
 /// `a x + b y`.
@@ -36,13 +47,13 @@ pub fn add_scaled(x: &Lanes, a: f64, y: &Lanes) -> Lanes {
 /// `x + a y`, rounded once. For the inner loops only: they are compiled with the instruction where there is one (everywhere
 /// since 2013), and with or without it the bits are the same.
 #[inline(always)]
-pub fn fused(x: &Lanes, a: f64, y: &Lanes) -> Lanes {
+pub fn fused<const N: usize>(x: &[f64; N], a: f64, y: &[f64; N]) -> [f64; N] {
     std::array::from_fn(|k| a.mul_add(y[k], x[k]))
 }
 
 /// `a x + b y`, the sum rounded once.
 #[inline(always)]
-pub fn fused_blend(a: f64, x: &Lanes, b: f64, y: &Lanes) -> Lanes {
+pub fn fused_blend<const N: usize>(a: f64, x: &[f64; N], b: f64, y: &[f64; N]) -> [f64; N] {
     std::array::from_fn(|k| a.mul_add(x[k], b * y[k]))
 }
 
@@ -68,11 +79,11 @@ struct Head {
     gain: f64,
 }
 
-/// Four springs of a row.
+/// Four springs of a row. They are f32 by value; held wide, because a pass has no time to convert them.
 #[derive(Clone, Copy, Debug, Default)]
 struct Block {
     columns: [u32; BLOCK],
-    springs: [f32; BLOCK],
+    springs: [f64; BLOCK],
 }
 
 /// The matrix. Rows are in solver order: linked particles by Cuthill-McKee, then lone ones.
@@ -89,6 +100,8 @@ pub struct Matrix {
     reach: Option<f64>,
     /// Blocks that no row uses any more.
     holes: usize,
+    /// Farthest that a spring reaches from its row, in rows; `None` while it is to be found anew.
+    width: Option<usize>,
 }
 
 impl Matrix {
@@ -99,6 +112,7 @@ impl Matrix {
         self.blocks.clear();
         self.entries = 2 * topology.springs();
         self.holes = 0;
+        self.width = None;
         for (row, particle) in order.iter().enumerate() {
             let start = self.blocks.len() as u32;
             let (columns, weights) = topology.row(*particle as usize);
@@ -107,7 +121,7 @@ impl Matrix {
                 for (k, (other, weight)) in columns.iter().zip(weights).enumerate() {
                     let mass = 0.5 * (masses[*particle as usize] + masses[*other as usize]);
                     block.columns[k] = row_of[*other as usize];
-                    block.springs[k] = (*weight as f64 * mass) as f32;
+                    block.springs[k] = f64::from((*weight as f64 * mass) as f32);
                 }
                 self.blocks.push(block);
             }
@@ -124,7 +138,7 @@ impl Matrix {
             let mut sum = 0.0;
             for block in blocks {
                 for spring in block.springs {
-                    sum += f64::from(spring);
+                    sum += spring;
                 }
             }
             head.gain = coupling / mass;
@@ -137,6 +151,7 @@ impl Matrix {
 
     /// Appends a row with springs (`(column, spring)`); columns may be rows to come. To be closed by [`Self::set_stiffness`].
     pub fn push_row(&mut self, springs: impl Iterator<Item = (u32, f32)>) {
+        self.width = None;
         let (row, start) = (self.heads.len() as u32, self.blocks.len() as u32);
         let mut filled = 0;
         for (column, spring) in springs {
@@ -145,7 +160,7 @@ impl Matrix {
                 self.blocks.push(Block { columns: [row; BLOCK], springs: [0.0; BLOCK] });
             }
             if let Some(block) = self.blocks.last_mut() {
-                (block.columns[k], block.springs[k]) = (column, spring);
+                (block.columns[k], block.springs[k]) = (column, f64::from(spring));
             }
             filled += 1;
         }
@@ -161,6 +176,7 @@ impl Matrix {
 
     /// Rewrites the springs (`(column, spring)`) of one row, in place where they fit. To be closed by [`Self::settle_rows`].
     pub fn replace_row(&mut self, row: usize, springs: &[(u32, f32)], coupling: f64, mass: f64) {
+        self.width = None;
         let head = &mut self.heads[row];
         let (had, needs) = ((head.end - head.start) as usize, springs.len().div_ceil(BLOCK));
         let before: usize = self.blocks[head.start as usize..head.end as usize]
@@ -179,7 +195,7 @@ impl Matrix {
         for (block, springs) in self.blocks[head.start as usize..head.end as usize].iter_mut().zip(springs.chunks(BLOCK)) {
             *block = Block { columns: [row as u32; BLOCK], springs: [0.0; BLOCK] };
             for (k, (column, spring)) in springs.iter().enumerate() {
-                (block.columns[k], block.springs[k]) = (*column, *spring);
+                (block.columns[k], block.springs[k]) = (*column, f64::from(*spring));
             }
         }
         let was = head.diagonal - 1.0;
@@ -217,6 +233,7 @@ impl Matrix {
         let mut namers: Vec<u32> = self.neighbours(a).chain(self.neighbours(b)).chain([a as u32, b as u32]).collect();
         namers.sort_unstable();
         namers.dedup();
+        self.width = None;
         for namer in namers {
             let head = self.heads[namer as usize];
             for column in self.blocks[head.start as usize..head.end as usize].iter_mut().flat_map(|block| &mut block.columns) {
@@ -228,6 +245,17 @@ impl Matrix {
             }
         }
         self.heads.swap(a, b);
+    }
+
+    /// Farthest that any spring reaches from its row, in rows. Found by a pass over all springs after they have changed.
+    pub fn width(&mut self) -> usize {
+        if let Some(width) = self.width {
+            return width;
+        }
+        let farthest = |row: usize| self.neighbours(row).map(|c| (c as usize).abs_diff(row)).max().unwrap_or(0);
+        let width = (0..self.heads.len()).map(farthest).max().unwrap_or(0);
+        self.width = Some(width);
+        width
     }
 
     /// Both ends of the spectrum of `A`, 1/s^2 (Gershgorin).
@@ -246,7 +274,7 @@ impl Matrix {
     }
 
     /// Springs of a row, as (column, spring); the padding is springs of 0 to the row itself.
-    pub fn springs(&self, row: usize) -> impl Iterator<Item = (u32, f32)> + '_ {
+    pub fn springs(&self, row: usize) -> impl Iterator<Item = (u32, f64)> + '_ {
         self.blocks(&self.heads[row]).iter().flat_map(|b| b.columns.into_iter().zip(b.springs))
     }
 
@@ -268,7 +296,7 @@ impl Matrix {
         let (mut even, mut odd) = ([0.0; 4], [0.0; 4]);
         for block in self.blocks(head) {
             let [a, b, c, d] = block.columns.map(|column| &e[column as usize]);
-            let [p, q, r, s] = block.springs.map(|spring| spring as f64);
+            let [p, q, r, s] = block.springs;
             even = add_scaled(&add_scaled(&even, p, a), r, c);
             odd = add_scaled(&add_scaled(&odd, q, b), s, d);
         }
@@ -289,22 +317,18 @@ impl Matrix {
     ) {
         let heads = self.heads[range.clone()].iter().zip(&newer[range.clone()]);
         for (row, ((head, own), result)) in range.clone().zip(heads.zip(&mut newest[range])) {
-            let (mut first, mut second) = (([0.0; 4], [0.0; 4]), ([0.0; 4], [0.0; 4]));
+            let (mut even, mut odd): (Wide, Wide) = ([0.0; 8], [0.0; 8]);
             for block in self.blocks(head) {
-                let [a, b, c, d] = block.columns.map(|column| &newer[column as usize]);
-                let [p, q, r, s] = block.springs.map(|spring| spring as f64);
-                first.0 = fused(&fused(&first.0, p, &a.first), r, &c.first);
-                first.1 = fused(&fused(&first.1, q, &b.first), s, &d.first);
-                second.0 = fused(&fused(&second.0, p, &a.second), r, &c.second);
-                second.1 = fused(&fused(&second.1, q, &b.second), s, &d.second);
+                let [a, b, c, d] = block.columns.map(|column| newer[column as usize].wide());
+                let [p, q, r, s] = block.springs;
+                even = fused(&fused(&even, p, a), r, c);
+                odd = fused(&fused(&odd, q, b), s, d);
             }
             let (diagonal, gain) = (twice * head.diagonal - shift, -twice * head.gain);
-            let sum = (fused(&first.0, 1.0, &first.1), fused(&second.0, 1.0, &second.1));
-            let term = term(row);
-            let first = fused(&fused_blend(diagonal, &own.first, gain, &sum.0), 1.0, &term.first);
-            let second = fused(&fused_blend(diagonal, &own.second, gain, &sum.1), 1.0, &term.second);
-            result.first = minus(&first, &result.first);
-            result.second = minus(&second, &result.second);
+            let sum = fused(&even, 1.0, &odd);
+            let made = fused(&fused_blend(diagonal, own.wide(), gain, &sum), 1.0, term(row).wide());
+            let before = *result.wide();
+            *result = bytemuck::cast(std::array::from_fn::<f64, 8, _>(|k| made[k] - before[k]));
         }
     }
 

@@ -38,7 +38,7 @@ impl Network {
                 let offset = (anchors[other] + rest[other]) - (anchors[p] + rest[p]);
                 let change = strain(other) - own;
                 strained |= change != DVec3::ZERO;
-                let pulled = f64::from(spring) * (offset + change);
+                let pulled = spring * (offset + change);
                 moments += DMat3::from_cols(pulled * offset.x, pulled * offset.y, pulled * offset.z);
             }
             let spin = if strained { best_spin(moments) } else { DMat3::ZERO };

@@ -18,9 +18,16 @@ pub const MAX_STEP: f64 = 1.0;
 pub const SERIES_REACH: f64 = 200.0;
 /// Passes times (springs' entries + particles) that a longer series may cost: about half a millisecond.
 pub const SERIES_WORK: usize = 1_000_000;
-/// Wanted bound of the error of a second of steps, relative, in the energy norm. A bound over all modes at once: measured as
-/// MATHS 4.3 asks (1e-3), the error is a hundredth of it (`benches/network.rs`).
+/// Wanted bound of the error of a second of steps, relative, in the energy norm, for a step of `h omega_max` up to 2; beyond, in
+/// proportion. It bounds all modes at once, and the stiffer the network the fewer of them count: measured as MATHS 4.3 asks
+/// (1e-3), the error is a tenth of it at 2 and less than a hundredth at 15 (`benches/network.rs`).
 pub const ERROR_PER_SECOND: f64 = 4e-3;
+/// Rows that a sweep of several passes works on, about a megabyte of them: so many stay in a core's second cache.
+const ROWS_AT_HAND: usize = 2500;
+/// Most passes in one sweep: beyond, the cache has to hold more than the passes save.
+const MOST_PASSES: usize = 4;
+/// Rows that a sweep moves on by.
+const STRIDE: usize = 64;
 
 /// How the linked particles were moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -90,9 +97,11 @@ impl Network {
         let mut report = self.plan(h, scratch);
         let reach = if report.method == StepMethod::Chebyshev { report.degree } else { usize::MAX };
         self.wake(reach);
+        let sweep = self.sweep();
         report.awake = self.activity.awake.len();
         let ramped = self.prescribe(h, scratch);
-        let iterations = pulp::Arch::new().dispatch(Propagation { network: self, h, ramped, method: report.method, scratch });
+        let iterations =
+            pulp::Arch::new().dispatch(Propagation { network: self, h, ramped, method: report.method, sweep, scratch });
         report.degree = report.degree.max(iterations);
         if self.finite(scratch) {
             self.commit(h, ramped, scratch);
@@ -122,7 +131,8 @@ impl Network {
         let (damping, decay) = (self.settings.damping_rate(), self.settings.slowest_decay());
         // An error of the series must not outweigh the damping, or keep energy alive: a hundredth of the decay at most.
         let loss = if decay > 0.0 { 0.01 * decay * h } else { 0.0 };
-        let tolerance = (ERROR_PER_SECOND * h).min(loss).max(1e-11);
+        let wanted = ERROR_PER_SECOND * h * (0.5 * report.h_omega_max).max(1.0);
+        let tolerance = wanted.min(loss).max(1e-11);
         let work = self.matrix.entries() + self.linked;
         let estimate = 0.5 * report.h_omega_max + 8.0;
         if report.h_omega_max <= SERIES_REACH || estimate * work as f64 <= SERIES_WORK as f64 {
@@ -210,9 +220,22 @@ impl Network {
         self.activity.ranges.iter().flat_map(|r| r.start as usize..r.end as usize).chain(lone)
     }
 
-    /// Evaluates the series by Clenshaw's recurrence; the result ends in `newest`.
+    /// How to run the passes of the series: several in one sweep where the rows do not fit into the cache and springs reach but
+    /// a little way in the order of rows.
+    fn sweep(&mut self) -> Sweep {
+        let whole = self.activity.moving() == self.linked && self.activity.ranges.len() == 1;
+        if !whole || self.linked <= ROWS_AT_HAND {
+            return Sweep { passes: 1, width: 0 };
+        }
+        let width = self.matrix.width();
+        Sweep { passes: (ROWS_AT_HAND / (width + STRIDE)).clamp(1, MOST_PASSES), width }
+    }
+
+    /// Evaluates the series by Clenshaw's recurrence; the result ends in `newest`. The passes of a sweep run together over
+    /// the rows, each behind the one before by the reach of a spring: every row sees the same operations as in passes one after
+    /// the other, while the matrix comes from memory once for all of them.
     #[inline(always)]
-    fn chebyshev(&self, ramped: bool, scratch: &mut StepScratch) {
+    fn chebyshev(&self, ramped: bool, sweep: Sweep, scratch: &mut StepScratch) {
         let StepScratch { series, state, newer, newest, ramp, .. } = scratch;
         let rows = self.e.len();
         newer.resize(rows, Pair::default());
@@ -224,31 +247,61 @@ impl Network {
         }
         let ramp = if ramped { Some(ramp.as_slice()) } else { None };
         let degree = series.degree();
-        let (twice, shift) = self.matrix.mapping(series.interval());
         for range in self.activity.ranges.iter().map(whole) {
             for row in range {
                 newer[row] = term(series.coefficient(degree), &state[row], ramp.map(|q| &q[row]));
                 newest[row] = Pair::default();
             }
         }
-        for k in (0..degree).rev() {
-            let coefficient = series.coefficient(k);
-            // The last sum takes T once, not twice.
-            let mapping = if k == 0 { (0.5 * twice, 0.5 * shift) } else { (twice, shift) };
-            for range in self.activity.ranges.iter().map(whole) {
-                match ramp {
-                    None => {
-                        let input = |row: usize| term(coefficient, &state[row], None);
-                        self.matrix.clenshaw_pass(range, mapping, input, newer, newest);
-                    }
-                    Some(ramp) => {
-                        let input = |row: usize| term(coefficient, &state[row], Some(&ramp[row]));
-                        self.matrix.clenshaw_pass(range, mapping, input, newer, newest);
-                    }
+        let mut left = degree;
+        while left > 0 {
+            let count = sweep.passes.clamp(1, MOST_PASSES).min(left);
+            if count == 1 {
+                for range in self.activity.ranges.iter().map(whole) {
+                    self.pass(series, left - 1, range, (state, ramp), newer, newest);
                 }
             }
-            if k > 0 {
+            let mut done = [0; MOST_PASSES];
+            while count > 1 && done[count - 1] < self.linked {
+                let mut end = (done[0] + STRIDE).min(self.linked);
+                for (j, done) in done.iter_mut().enumerate().take(count) {
+                    let (from, to) = if j % 2 == 0 { (&*newer, &mut *newest) } else { (&*newest, &mut *newer) };
+                    self.pass(series, left - 1 - j, *done..end.max(*done), (state, ramp), from, to);
+                    *done = end.max(*done);
+                    end = if *done == self.linked { *done } else { done.saturating_sub(sweep.width) };
+                }
+            }
+            left -= count;
+            // The last sum must end in `newest`, any other in `newer`.
+            if (count % 2 == 1) == (left > 0) {
                 std::mem::swap(newer, newest);
+            }
+        }
+    }
+
+    /// The pass that adds degree `k`, on some rows.
+    #[inline(always)]
+    fn pass(
+        &self,
+        series: &Series,
+        k: usize,
+        range: Range<usize>,
+        (state, ramp): (&[Pair], Option<&[Lanes]>),
+        newer: &[Pair],
+        newest: &mut [Pair],
+    ) {
+        let coefficient = series.coefficient(k);
+        let (twice, shift) = self.matrix.mapping(series.interval());
+        // The last sum takes T once, not twice.
+        let mapping = if k == 0 { (0.5 * twice, 0.5 * shift) } else { (twice, shift) };
+        match ramp {
+            None => {
+                let input = |row: usize| term(coefficient, &state[row], None);
+                self.matrix.clenshaw_pass(range, mapping, input, newer, newest);
+            }
+            Some(ramp) => {
+                let input = |row: usize| term(coefficient, &state[row], Some(&ramp[row]));
+                self.matrix.clenshaw_pass(range, mapping, input, newer, newest);
             }
         }
     }
@@ -371,6 +424,13 @@ impl Network {
     }
 }
 
+/// How many passes of a series run together, and how far behind each other, in rows.
+#[derive(Clone, Copy, Debug)]
+struct Sweep {
+    passes: usize,
+    width: usize,
+}
+
 /// The stages between the old state and the new, compiled once for AVX2 with FMA and once without and chosen at run time. Both
 /// do the same operations in the same order, each rounded alike: the same bits on every machine.
 struct Propagation<'a> {
@@ -378,6 +438,7 @@ struct Propagation<'a> {
     h: f64,
     ramped: bool,
     method: StepMethod,
+    sweep: Sweep,
     scratch: &'a mut StepScratch,
 }
 
@@ -386,11 +447,11 @@ impl pulp::WithSimd for Propagation<'_> {
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> usize {
-        let Self { network, h, ramped, method, scratch } = self;
+        let Self { network, h, ramped, method, sweep, scratch } = self;
         network.residual(ramped, scratch);
         let iterations = match method {
             StepMethod::Chebyshev => {
-                network.chebyshev(ramped, scratch);
+                network.chebyshev(ramped, sweep, scratch);
                 0
             }
             StepMethod::Implicit => network.implicit(h, ramped, scratch),
@@ -423,4 +484,41 @@ fn term([sine, keep, force, ramp]: [f64; 4], state: &Pair, q: Option<&Lanes>) ->
         second = fused(&second, force, q);
     }
     Pair { first, second }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::NetworkSettings;
+    use super::super::reference::{SplitMix, benchmark_network};
+    use super::*;
+    use crate::geometry::ParticleId;
+    use glam::DVec3;
+
+    #[test]
+    fn passes_that_share_a_sweep_give_the_same_bits_as_one_after_the_other() {
+        let (_, topology) = benchmark_network(4000, 28_000);
+        let mut network = Network::new(&topology, NetworkSettings::SOFT, 1e-30).unwrap();
+        let mut random = SplitMix(7);
+        for p in 0..4000 {
+            let mut place = || DVec3::from_array(std::array::from_fn(|_| random.signed()));
+            network.set_state(ParticleId(p), place(), place());
+        }
+        let mut scratch = StepScratch::default();
+        network.step(1e-9, &mut scratch); // all are awake
+        let chosen = network.sweep();
+        assert!(chosen.passes > 1 && chosen.width < 1000, "{chosen:?}");
+        let report = network.plan(0.3, &mut scratch);
+        assert!(report.degree > 6, "{report:?}");
+        let mut run = |passes: usize, width: usize| {
+            network.residual(false, &mut scratch);
+            network.chebyshev(false, Sweep { passes, width }, &mut scratch);
+            scratch.newest.clone()
+        };
+        let apart = run(1, 0);
+        for passes in 2..=MOST_PASSES {
+            assert!(run(passes, chosen.width) == apart, "{passes} passes");
+        }
+        // Broken twin: a pass that does not keep its distance reads rows that the one before has not written yet.
+        assert!(run(2, chosen.width / 8) != apart);
+    }
 }

@@ -15,6 +15,13 @@ pub(super) struct Grab {
     held: Vec<(TissueId, Vec<Held>)>,
 }
 
+impl Grab {
+    /// What it holds of a tissue, ascending.
+    fn particles_of(&self, tissue: TissueId) -> &[Held] {
+        self.held.iter().find(|h| h.0 == tissue).map_or(&[], |h| &h.1)
+    }
+}
+
 impl Scene {
     /// Takes hold of every particle whose anchor is seen within `radius` of `center` (model space).
     pub(super) fn begin_grab(&mut self, id: u32, center: DVec3, radius: f64) {
@@ -53,18 +60,24 @@ impl Scene {
 
     /// Hands the grabbed particles and their places to the networks.
     pub(super) fn move_grabs(&mut self) {
+        let mut all = std::mem::take(&mut self.held);
         for (id, tissue) in &mut self.tissues {
-            let held = self.grabs.iter().flat_map(|g| {
-                let by = g.by;
-                g.held.iter().filter(|h| h.0 == *id).flat_map(move |h| h.1.iter().map(move |&(p, u, at)| (p, u + by, at + by)))
-            });
             // A fixed tissue's particles keep their offset from the moving anchors; a loose piece's stay in the hand.
             let loose = self.rigid.body_of(*id).is_some();
-            let held = held.map(|(p, u, at)| (p, if loose { tissue.displacement_to(p, at) } else { u }));
-            let mut held: Vec<(ParticleId, DVec3)> = held.collect();
-            held.sort_by_key(|h| h.0);
-            held.dedup_by_key(|h| h.0);
-            tissue.hold_particles(&held);
+            all.clear();
+            for (k, grab) in self.grabs.iter().enumerate() {
+                for &(p, u, at) in grab.particles_of(*id) {
+                    // who came first holds it
+                    let taken = self.grabs[..k].iter().any(|g| g.particles_of(*id).binary_search_by_key(&p, |h| h.0).is_ok());
+                    if !taken {
+                        all.push((p, if loose { tissue.displacement_to(p, at + grab.by) } else { u + grab.by }));
+                    }
+                }
+            }
+            all.sort_unstable_by_key(|h| h.0);
+            tissue.hold_particles(&all);
         }
+        all.clear();
+        self.held = all;
     }
 }

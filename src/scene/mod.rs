@@ -11,10 +11,11 @@ pub use edit::EditCommand;
 pub use report::{EditReport, Outcome, PieceReport};
 pub use rigid::{ColliderView, Fixed, PieceSettings};
 
-use crate::geometry::StateHash;
+use crate::geometry::{ParticleId, StateHash};
 use crate::surgery::{Sampling, Slit, TearBox, WallMode};
 use crate::tissue::edit::CutScratch;
 use crate::tissue::{Tissue, TissueDelta};
+use glam::DVec3;
 use grab::Grab;
 use history::History;
 use std::collections::BTreeMap;
@@ -46,6 +47,8 @@ pub struct Scene {
     last_boxes: Vec<TearBox>,
     last_slits: Vec<Slit>,
     grabs: Vec<Grab>,
+    /// Empty but inside `move_grabs`.
+    held: Vec<(ParticleId, DVec3)>,
     settings: SceneSettings,
     cut_scratch: CutScratch,
     animation: Option<usize>,
@@ -66,6 +69,7 @@ impl Scene {
             last_boxes: Vec::new(),
             last_slits: Vec::new(),
             grabs: Vec::new(),
+            held: Vec::new(),
             settings,
             cut_scratch: CutScratch::default(),
             animation: None,

@@ -171,6 +171,8 @@ struct TissueScratch {
     /// Held particles and their displacements: by hands, and all together.
     grabs: Vec<(ParticleId, DVec3)>,
     all_held: Vec<(ParticleId, DVec3)>,
+    /// Anchors and displacements of what hands hold.
+    followed: Vec<(DVec3, DVec3)>,
     turns: rotation::TurnScratch,
 }
 
@@ -480,8 +482,9 @@ impl Tissue {
     pub fn step(&mut self, step_s: f64) {
         self.push_particles(step_s);
         let Some(layer) = &mut self.layer else { return };
-        let TissueScratch { step, rest_displacements, held, .. } = &mut self.scratch;
-        let followed: Vec<(DVec3, DVec3)> = held.iter().map(|h| (h.1, h.2)).collect();
+        let TissueScratch { step, rest_displacements, held, followed, .. } = &mut self.scratch;
+        followed.clear();
+        followed.extend(held.iter().map(|h| (h.1, h.2)));
         layer.open_wounds(step_s, self.diagonal);
         rest_displacements.clear();
         for p in 0..layer.map.len() {
@@ -489,7 +492,7 @@ impl Tissue {
             let moves = u0 != DVec3::ZERO && anchor.is_some();
             let mut rest = if moves { self.pose.blended_linear(&self.rows, anchor) * u0 } else { DVec3::ZERO };
             if !followed.is_empty() && anchor.is_some() {
-                rest += target(self.pose.skin(&self.rows, anchor), &followed, layer.settings.spacing);
+                rest += target(self.pose.skin(&self.rows, anchor), followed, layer.settings.spacing);
             }
             rest_displacements.push(rest.to_array());
         }
