@@ -27,10 +27,12 @@ impl Tissue {
             return;
         }
         let TurnScratch { anchors, rest, .. } = &mut self.scratch.turns;
-        (anchors.clear(), rest.clear());
+        anchors.clear();
+        rest.clear();
         for (p, &anchor) in layer.map.anchors.iter().enumerate() {
             if anchor.is_none() {
-                (anchors.push(DVec3::ZERO), rest.push(DVec3::ZERO));
+                anchors.push(DVec3::ZERO);
+                rest.push(DVec3::ZERO);
                 continue;
             }
             anchors.push(self.pose.skin(&self.rows, anchor));

@@ -45,9 +45,9 @@ pub struct DesktopRun {
     pub model: String,
     /// From the program's start to the window's end.
     pub seconds: f64,
-    /// See [`Scene::edit_hash`].
+    /// See [`crate::scene::Scene::edit_hash`].
     pub edit_hash: u64,
-    /// See [`Scene::state_hash`].
+    /// See [`crate::scene::Scene::state_hash`].
     pub state_hash: u64,
     /// Largest distance between GPU and CPU, fraction of the diagonal, at the end.
     pub gpu_error: f64,
