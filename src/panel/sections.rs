@@ -20,7 +20,7 @@ const LAYERS: [(Layer, &str, &str); 8] = [
 ];
 
 /// Keys and mouse, as the help shows them.
-pub const HELP: [(&str, &str); 22] = [
+pub const HELP: [(&str, &str); 23] = [
     ("Left drag on the tissue", "tear"),
     ("... and the wheel", "depth of the blade"),
     ("... with Shift and the wheel, or Q / E", "lean of the blade"),
@@ -35,6 +35,7 @@ pub const HELP: [(&str, &str); 22] = [
     ("[ and ]", "depth of the blade"),
     ("Ctrl+Z, Ctrl+Y", "undo, redo"),
     ("R", "reset"),
+    ("A", "next animation, after the last the rest pose"),
     ("P, N", "pause, single step"),
     ("F", "frame the model"),
     ("Ctrl+O", "open a model (or drop a file)"),

@@ -1,7 +1,9 @@
 //! The window and its event loop.
 
+use super::dialog::{self, Answer};
 use super::in_hand;
 use super::keys::{self, KeyCommand};
+use super::pictures::Pictures;
 use super::screen::{Acquired, Screen, Shot, WindowTarget};
 use super::session::{Session, Wish};
 use super::{DesktopError, DesktopRun, Loaded, Setup};
@@ -11,7 +13,6 @@ use crate::host::models::Wake as WakeCall;
 use crate::input::tools::{Button, Modifiers};
 use crate::panel::{Panel, PanelAction};
 use egui_winit::egui::ViewportId;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -23,10 +24,6 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 /// Time between frames of a window that another one covers or that has not the focus.
 const BACKGROUND: Duration = Duration::from_millis(100);
-/// A dialog that is dismissed sooner than any hand could was never there.
-const NO_DIALOG: Duration = Duration::from_millis(150);
-const NO_DIALOG_TEXT: &str = "This system has no file dialog (xdg-desktop-portal or zenity brings one). Drop a file on the \
-                              window, or type its path into the panel.";
 /// Least size of the window, points.
 const LEAST_SIZE: (u32, u32) = (480, 320);
 
@@ -37,8 +34,8 @@ enum Wake {
     Repaint(Duration),
     /// A model has been loaded, or could not be.
     Loaded,
-    /// The system's dialog was answered, after this long.
-    Chosen(Option<PathBuf>, Duration),
+    /// The system's dialog was answered.
+    Chosen(Answer),
 }
 
 pub(super) fn run(setup: Setup, first: Loaded) -> Result<DesktopRun, DesktopError> {
@@ -87,7 +84,7 @@ struct Live {
     unseen: bool,
     wake_at: Option<Instant>,
     last_frame: Instant,
-    shots: u32,
+    pictures: Pictures,
     wants_shot: bool,
     /// A redraw has been asked for and has not come yet.
     asked: bool,
@@ -116,12 +113,12 @@ impl ApplicationHandler<Wake> for Desktop {
         match event {
             Wake::Repaint(after) => live.repaint_in(after),
             Wake::Loaded => live.redraw(),
-            Wake::Chosen(Some(file), _) => live.act(PanelAction::Open(file.display().to_string())),
-            Wake::Chosen(None, after) if after < NO_DIALOG => {
-                live.session.panel.fail(NO_DIALOG_TEXT);
+            Wake::Chosen(Answer::File(file)) => live.act(PanelAction::Open(file.display().to_string())),
+            Wake::Chosen(Answer::NoDialog) => {
+                live.session.panel.fail(dialog::NO_DIALOG_TEXT);
                 live.session.touch();
             }
-            Wake::Chosen(None, _) => {}
+            Wake::Chosen(Answer::Dismissed) => {}
         }
     }
 
@@ -178,7 +175,7 @@ impl Live {
             unseen: false,
             wake_at: None,
             last_frame: Instant::now(),
-            shots: 0,
+            pictures: Pictures::default(),
             wants_shot: false,
             asked: true,
             pressed_panel: false,
@@ -214,11 +211,15 @@ impl Live {
         }
         let mut next = self.wake_at;
         if self.session.wants_frame() {
-            let due = if self.focused && !self.unseen { now } else { self.last_frame + BACKGROUND };
-            if due <= now {
-                self.redraw();
-            } else {
+            let due = due(now, self.last_frame, self.focused && !self.unseen);
+            if due > now {
                 next = Some(next.map_or(due, |other| other.min(due)));
+            } else if !self.focused && self.window.is_minimized() == Some(true) {
+                // X11 says nothing of its own when a window is minimised
+                self.hide(true);
+                return ControlFlow::Wait;
+            } else {
+                self.redraw();
             }
         }
         let rests = next.is_none() && !self.asked;
@@ -227,6 +228,11 @@ impl Live {
         }
         self.rests = rests;
         next.map_or(ControlFlow::Wait, ControlFlow::WaitUntil)
+    }
+
+    fn hide(&mut self, hidden: bool) {
+        tracing::debug!("{} after frame {}", if hidden { "hidden" } else { "shown" }, self.frames);
+        self.hidden = hidden;
     }
 
     fn size(&self) -> [f64; 2] {
@@ -267,7 +273,9 @@ impl Live {
         // who is clicked or typed at is seen, whatever the window system said last
         let used =
             matches!(event, WindowEvent::MouseInput { .. } | WindowEvent::KeyboardInput { .. } | WindowEvent::Focused(true));
-        self.hidden &= !used;
+        if used && self.hidden {
+            self.hide(false);
+        }
         match event {
             WindowEvent::CloseRequested => self.closing = true,
             WindowEvent::Resized(size) => {
@@ -277,12 +285,12 @@ impl Live {
                 self.session.touch();
             }
             WindowEvent::Occluded(hidden) => {
-                tracing::debug!("{}", if hidden { "hidden" } else { "shown" });
-                self.hidden = hidden;
+                self.hide(hidden);
                 self.session.touch();
             }
             WindowEvent::Focused(focused) => {
                 self.focused = focused;
+                tracing::debug!("focus {} after frame {}", if focused { "gained" } else { "lost" }, self.frames);
                 if !focused {
                     self.session.with_tools(|tools, _, _, out| tools.cancel(out));
                 }
@@ -318,10 +326,13 @@ impl Live {
             }
             WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if !typing => self.key(&event),
             WindowEvent::HoveredFile(file) => {
-                self.session.panel.hovered = Some(file.file_name().unwrap_or_default().display().to_string());
+                let name = file.file_name().unwrap_or_default().display().to_string();
+                tracing::debug!("{name} is held over the window");
+                self.session.panel.hovered = Some(name);
                 self.session.touch();
             }
             WindowEvent::HoveredFileCancelled => {
+                tracing::debug!("no longer held over the window");
                 self.session.panel.hovered = None;
                 self.session.touch();
             }
@@ -364,6 +375,11 @@ impl Live {
             KeyCommand::Panel(action) => return self.act(action),
             KeyCommand::TogglePause => return self.act(PanelAction::Pause(!self.session.panel.paused)),
             KeyCommand::ToggleRecord => return self.act(PanelAction::Record(!self.session.panel.recording)),
+            KeyCommand::NextAnimation => {
+                let next = panel.animation.map_or(0, |now| now + 1);
+                let next = (next < panel.animations.len()).then_some(next);
+                return self.act(PanelAction::Animate(next));
+            }
             KeyCommand::ToggleHelp => panel.help = !panel.help,
             KeyCommand::TogglePanel => panel.open = !panel.open,
             KeyCommand::ToggleFullScreen => {
@@ -406,6 +422,7 @@ impl Live {
             Acquired::Hidden => {
                 // nothing says when it can be drawn into again: asked now and then
                 (self.unseen, self.last_frame) = (true, Instant::now());
+                self.session.touch();
                 return Ok(());
             }
         };
@@ -426,6 +443,11 @@ impl Live {
         }
         self.session.take_panel_values();
         self.carry_out_wishes();
+        let recording = self.session.panel.recording;
+        if !recording && let Some(words) = self.pictures.end_recording() {
+            self.session.panel.tell(words);
+            self.redraw();
+        }
         if std::mem::take(&mut self.session.scene_changed) {
             self.screen.forget();
             self.window.set_title(&format!("Incise: {}", self.session.panel.model));
@@ -434,7 +456,6 @@ impl Live {
         self.last_frame = now;
         self.frames += 1;
         let input = self.session.next_input(now);
-        let recording = self.session.panel.recording;
         let preview = self.session.preview();
         let mut target = WindowTarget {
             camera: self.session.tools.camera.pose(),
@@ -456,7 +477,7 @@ impl Live {
                 }
                 self.session.frame_done(report, [self.canvas[0], self.canvas[1]]);
                 if let Some(shot) = shot {
-                    self.write_shot(shot, recording);
+                    self.write_shot(&shot, recording);
                 }
             }
             Err(GpuError::Lost(why)) => {
@@ -491,40 +512,18 @@ impl Live {
         }
     }
 
-    /// The system's dialog; the answer comes as an event.
     fn ask_for_file(&self) {
-        let dialog = rfd::AsyncFileDialog::new()
-            .set_title("Open a model")
-            .add_filter("Models", &["glb", "gltf", "obj", "stl"])
-            .set_parent(&*self.window)
-            .pick_file();
         let proxy = self.proxy.clone();
-        let wait = move || {
-            let asked = Instant::now();
-            let file = pollster::block_on(dialog);
-            drop(proxy.send_event(Wake::Chosen(file.map(|f| f.path().to_path_buf()), asked.elapsed())));
-        };
-        if let Err(why) = std::thread::Builder::new().name("dialog".into()).spawn(wait) {
-            tracing::warn!("no file dialog: {why}; drop a file on the window instead");
-        }
+        dialog::ask(&self.window, move |answer| drop(proxy.send_event(Wake::Chosen(answer))));
     }
 
-    fn write_shot(&mut self, (width, height, pixels): Shot, recording: bool) {
-        let folder = PathBuf::from(if recording { "recording" } else { "screenshots" });
-        let written = std::fs::create_dir_all(&folder).map_err(|e| e.to_string()).and_then(|()| {
-            let file = (self.shots + 1..).map(|n| (n, folder.join(format!("incise-{n:05}.png")))).find(|f| !f.1.exists());
-            let Some((number, file)) = file else { return Err("there is no number left".to_string()) };
-            self.shots = number;
-            image::save_buffer(&file, &pixels, width, height, image::ColorType::Rgba8).map_err(|e| e.to_string())?;
-            Ok(file)
-        });
-        match written {
+    fn write_shot(&mut self, shot: &Shot, recording: bool) {
+        match self.pictures.write(shot, recording) {
             Ok(_) if recording => return,
             Ok(file) => self.session.panel.tell(format!("Written: {}", file.display())),
             Err(why) => {
                 self.session.panel.recording = false;
-                let folder = folder.display();
-                self.session.panel.fail(format!("cannot write a picture in {folder}: {why}; start Incise where you may write"));
+                self.session.panel.fail(why);
             }
         }
         self.session.touch();
@@ -544,6 +543,11 @@ impl Live {
             strokes,
         }
     }
+}
+
+/// When the next frame of what moves is due: at once where it is looked at, else not more than ten times a second.
+fn due(now: Instant, last_frame: Instant, in_front: bool) -> Instant {
+    if in_front { now } else { last_frame + BACKGROUND }
 }
 
 fn panel_on(
@@ -573,4 +577,17 @@ fn state_of(
     let scale = Some(window.scale_factor() as f32);
     let side = Some(screen.longest_side() as usize);
     egui_winit::State::new(panel.context().clone(), ViewportId::ROOT, display, scale, window.theme(), side)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_in_the_background_draws_ten_frames_a_second_at_most() {
+        let last = Instant::now();
+        let now = last + Duration::from_millis(3);
+        assert_eq!(due(now, last, true), now);
+        assert_eq!(due(now, last, false), last + Duration::from_millis(100));
+    }
 }
