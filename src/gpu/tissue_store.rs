@@ -2,11 +2,15 @@
 
 use super::arenas::{ArenaKind, Arenas, Slot};
 use super::camera::Bounds;
+use super::clusters::Clusters;
 use super::context::Context;
+use super::cpu_deform::Deformed;
 use super::error::GpuError;
 use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord};
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
+use super::views::ViewPose;
 use crate::geometry::{Turn, VertexId};
+use crate::rig::JointMatrix;
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
 
@@ -68,7 +72,14 @@ pub struct GpuTissue {
     rotated: bool,
     /// Farthest that a turned particle may carry a vertex.
     largest_turn: f64,
+    /// Length of the longest fade, metres.
+    largest_fade: f64,
     world_from_tissue: DAffine3,
+    clusters: Clusters,
+    /// Joint matrices of the last sync.
+    joints: Vec<JointMatrix>,
+    /// Where the CPU deforms: its scratch.
+    deformed: Deformed,
 }
 
 /// Rest positions of the vertices each joint moves (the last: of those that no joint moves).
@@ -92,7 +103,11 @@ impl GpuTissue {
             largest_displacement: 0.0,
             rotated: false,
             largest_turn: 0.0,
+            largest_fade: 0.0,
             world_from_tissue: DAffine3::IDENTITY,
+            clusters: Clusters::default(),
+            joints: Vec::new(),
+            deformed: Deformed::default(),
         }
     }
 
@@ -124,9 +139,41 @@ impl GpuTissue {
 
     /// Bounds in the pose of the last sync, world space; wide enough for all displacements.
     pub fn posed_bounds(&self) -> Bounds {
-        let reach = self.largest_displacement + self.largest_turn;
-        let wide = Bounds { min: self.posed.min - reach, max: self.posed.max + reach };
+        self.placed(self.posed, self.largest_displacement + self.largest_turn)
+    }
+
+    /// Bounds of posed positions widened by `reach`, world space.
+    fn placed(&self, posed: Bounds, reach: f64) -> Bounds {
+        let wide = Bounds { min: posed.min - reach, max: posed.max + reach };
         transformed(wide, |p| self.world_from_tissue.transform_point3(p))
+    }
+
+    /// Calls `found` with the slots of the face arena that some view may see. Returns the number of those that none can; all of
+    /// them for a tissue out of sight.
+    pub fn visible_faces(&mut self, views: &[ViewPose], mut found: impl FnMut(Range<u32>)) -> u32 {
+        let Slot { start, len, .. } = self.slots.faces;
+        let bounds = self.posed_bounds();
+        if !views.iter().any(|v| v.may_see(&bounds)) {
+            return len;
+        }
+        if !self.clusters.is_worth_a_look() || views.iter().any(|v| v.sees_whole(&bounds)) {
+            found(start..start + len);
+            return 0;
+        }
+        let reach = self.largest_displacement + self.largest_turn + self.largest_fade;
+        let mut clusters = std::mem::take(&mut self.clusters);
+        let mut seen = 0;
+        let may_see = |posed: Bounds| {
+            let bounds = self.placed(posed, reach);
+            views.iter().any(|v| v.may_see(&bounds))
+        };
+        clusters.visit(&self.joints, may_see, |slots| {
+            let end = slots.end.min(len);
+            seen += end - slots.start;
+            found(start + slots.start..start + end);
+        });
+        self.clusters = clusters;
+        len - seen
     }
 
     /// Gives all ranges back.
@@ -152,10 +199,24 @@ impl GpuTissue {
         };
         self.upload_structure(arenas, view, &ranges);
         self.grow_rest_bounds(view, &ranges.vertices, full);
+        self.clusters.grow(view, clamped(&ranges.faces, self.slots.faces.len), full);
         self.upload_motion(arenas, view);
         self.fill_record(view);
+        if !context.deforms() {
+            self.deform(arenas, view);
+        }
         self.versions = Some(view.versions);
         Ok(())
+    }
+
+    /// The deform pass on the CPU.
+    fn deform(&mut self, arenas: &mut Arenas, view: &TissueView<'_>) {
+        if std::mem::take(&mut self.needs_deform) {
+            let Self { deformed, slots, .. } = self;
+            deformed.compute(view, self.record.flags & FADING != 0);
+            arenas.upload(ArenaKind::Deformed, slots.positions, 0..deformed.positions.len(), |v| deformed.positions[v]);
+            arenas.upload(ArenaKind::Deformed, slots.normals, 0..deformed.normals.len(), |w| deformed.normals[w]);
+        }
     }
 
     fn reserve(&mut self, context: &Context, arenas: &mut Arenas, view: &TissueView<'_>) -> Result<(), GpuError> {
@@ -226,6 +287,8 @@ impl GpuTissue {
             let row = |k: usize| joints[k / 3].rows[k % 3];
             arenas.upload(ArenaKind::Vectors, self.slots.joints, 0..joints.len() * 3, row);
             self.posed = self.rest_bounds.posed(view);
+            self.joints.clone_from(joints);
+            self.clusters.moved();
         }
         if displacements {
             let vector = |p: usize| view.displacements[p].as_vec3().extend(0.0).to_array();
@@ -252,11 +315,12 @@ impl GpuTissue {
     /// Uploads the fades that differ from those on the GPU.
     fn upload_fades(&mut self, arenas: &mut Arenas, view: &TissueView<'_>) {
         let bits = |f: &[f32; 4]| f.map(f32::to_bits);
-        self.fades_end_s = f64::NEG_INFINITY;
+        (self.fades_end_s, self.largest_fade) = (f64::NEG_INFINITY, 0.0);
         let known = self.fades.len();
         let mut dirty: Option<Range<usize>> = None;
         for (v, fade) in view.fades.iter().enumerate() {
             if fade[..3] != [0.0; 3] {
+                self.largest_fade = self.largest_fade.max(f64::from(fade[0].abs() + fade[1].abs() + fade[2].abs()));
                 self.fades_end_s = self.fades_end_s.max(f64::from(fade[3]) + view.fade_duration_s);
             }
             if v < known && bits(&self.fades[v]) == bits(fade) {
@@ -370,7 +434,8 @@ fn largest_turn(bounds: Bounds, turns: &[Turn]) -> f64 {
     turns.iter().map(|t| t.size() * away(t)).fold(0.0, f64::max)
 }
 
-fn transformed(bounds: Bounds, transform: impl Fn(DVec3) -> DVec3) -> Bounds {
+/// The box around a moved box; empty stays empty.
+pub fn transformed(bounds: Bounds, transform: impl Fn(DVec3) -> DVec3) -> Bounds {
     if bounds.is_empty() {
         return Bounds::EMPTY;
     }

@@ -298,6 +298,16 @@ pub fn shader(name: &str) -> &'static str {
 /// How a vertex shader learns which view it draws.
 const VIEW_INDEX: &str = "@builtin(view_index)";
 
+/// Tissues that a uniform buffer holds, on adapters whose vertex shaders may not read the table as storage: 64 KiB, as all have.
+pub const UNIFORM_TISSUES: usize = 448;
+
+const TABLE: &str = "var<storage, read> tissues: array<TissueRecord>";
+
+/// A drawing shader that reads the tissue table from a uniform buffer of [`UNIFORM_TISSUES`].
+pub fn with_uniform_table(text: &str) -> Cow<'static, str> {
+    text.replace(TABLE, &format!("var<uniform> tissues: array<TissueRecord, {UNIFORM_TISSUES}>")).into()
+}
+
 /// [`shader`] for several views a pass, or for one: without multiview the number of the view comes as the instance's.
 pub fn shader_for(name: &str, multiview: bool) -> Cow<'static, str> {
     let text = shader(name);
@@ -410,6 +420,10 @@ mod tests {
                 let valid = Validator::new(ValidationFlags::all(), capabilities).validate(&module);
                 assert!(valid.is_ok(), "{name}: {}", valid.unwrap_err().emit_to_string(&text));
                 assert!(!module.entry_points.is_empty());
+                let few = with_uniform_table(&text);
+                assert_eq!(few != text, ["tissue", "shadow", "deform", "normals"].contains(&name), "{name} reads the table");
+                let valid = Validator::new(ValidationFlags::all(), capabilities).validate(&parse(&few));
+                assert!(valid.is_ok(), "{name}: {}", valid.unwrap_err().emit_to_string(&few));
             }
             assert_eq!(shader(name), text);
         }
