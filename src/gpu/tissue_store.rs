@@ -6,7 +6,7 @@ use super::clusters::Clusters;
 use super::context::Context;
 use super::cpu_deform::Deformed;
 use super::error::GpuError;
-use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord};
+use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord, WOUNDED};
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
 use super::views::ViewPose;
 use crate::geometry::{Turn, VertexId};
@@ -372,7 +372,8 @@ impl GpuTissue {
             flags: flag(!view.pose.joint_matrices.is_empty(), SKINNED)
                 | flag(self.largest_displacement > 0.0, DISPLACED)
                 | flag(fading, FADING)
-                | flag(self.rotated, ROTATED | DISPLACED),
+                | flag(self.rotated, ROTATED | DISPLACED)
+                | flag(!view.rows.rows.arena().is_empty(), WOUNDED),
             time_high,
             time_low: if fading { (view.time_s - f64::from(time_high)) as f32 } else { 0.0 },
             fade_duration: view.fade_duration_s as f32,

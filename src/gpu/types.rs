@@ -59,7 +59,7 @@ gpu_struct!(
         materials: u32,
         /// Materials.
         material_count: u32,
-        /// [`SKINNED`], [`DISPLACED`], [`FADING`], [`ROTATED`].
+        /// [`SKINNED`], [`DISPLACED`], [`FADING`], [`ROTATED`], [`WOUNDED`].
         flags: u32,
         /// Its own position in the table.
         slot: u32,
@@ -93,6 +93,8 @@ pub const DISPLACED: u32 = 2;
 pub const FADING: u32 = 4;
 /// Some particle of the tissue is turned (MATHS 2.1).
 pub const ROTATED: u32 = 8;
+/// Edits have inserted vertices: there may be lips of wounds.
+pub const WOUNDED: u32 = 16;
 
 gpu_struct!(
     /// A topological vertex. Spans are (start, length) in the tissue's term ranges.
