@@ -13,6 +13,7 @@ pub mod cpu_deform;
 pub mod deform;
 pub mod depth_copy;
 pub mod error;
+pub mod groups;
 pub mod instruments;
 pub mod lines;
 pub mod materials;

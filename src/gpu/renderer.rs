@@ -31,6 +31,8 @@ use std::sync::Arc;
 pub struct GpuCounters {
     /// Compute dispatches.
     pub dispatches: u64,
+    /// Workgroups of 64 vertices or wedges that were dispatched.
+    pub workgroups: u64,
     /// Draw calls, those of the shadow pass included.
     pub draws: u64,
     /// Bytes sent to the GPU.
@@ -210,16 +212,16 @@ impl Renderer {
         };
         deform.begin();
         let mut variant = Variant::default();
-        for tissue in self.tissues.values_mut().filter(|t| t.needs_deform) {
-            let record = &tissue.record;
-            deform.add(record.slot, record.vertex_count, record.wedge_count);
+        for tissue in self.tissues.values_mut().filter(|t| t.needs_deform()) {
+            let record = tissue.record;
+            tissue.work(|stage, first| deform.add(stage, record.slot, first));
             variant.skinned |= record.flags & SKINNED != 0;
             variant.displaced |= record.flags & (DISPLACED | FADING) != 0;
             variant.rotated |= record.flags & ROTATED != 0;
-            tissue.needs_deform = false;
         }
         let table = self.table.buffer();
         let times = if timed && !deform.is_idle() { self.timer.compute("deform") } else { None };
+        self.counters.workgroups += deform.groups();
         let dispatches = deform.encode(&self.context, encoder, &mut self.arenas, table, variant, times);
         self.counters.dispatches += dispatches;
         self.flush(encoder);

@@ -5,7 +5,9 @@ use super::camera::Bounds;
 use super::clusters::Clusters;
 use super::context::Context;
 use super::cpu_deform::Deformed;
+use super::deform::GROUP;
 use super::error::GpuError;
+use super::groups::Groups;
 use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord, WOUNDED};
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
 use super::views::ViewPose;
@@ -58,8 +60,10 @@ impl Slots {
 pub struct GpuTissue {
     /// The record as it should be in the table.
     pub record: TissueRecord,
-    /// True until the next deform pass: what was computed is out of date.
-    pub needs_deform: bool,
+    stale: Stale,
+    groups: Groups,
+    /// Displacements as last uploaded.
+    displacements: Vec<DVec3>,
     slots: Slots,
     versions: Option<ViewVersions>,
     /// Fades as uploaded, to find what changed.
@@ -82,6 +86,16 @@ pub struct GpuTissue {
     deformed: Deformed,
 }
 
+/// What was computed and is out of date, until the next deform pass.
+#[derive(Debug, Default)]
+struct Stale {
+    /// Everything.
+    all: bool,
+    /// What hangs on these particles.
+    particles: Vec<bool>,
+    any: bool,
+}
+
 /// Rest positions of the vertices each joint moves (the last: of those that no joint moves).
 #[derive(Debug, Default)]
 struct RestBounds {
@@ -93,7 +107,9 @@ impl GpuTissue {
     pub fn new(slot: u32) -> Self {
         Self {
             record: TissueRecord { slot, ..Default::default() },
-            needs_deform: true,
+            stale: Stale { all: true, ..Stale::default() },
+            groups: Groups::default(),
+            displacements: Vec::new(),
             slots: Slots::default(),
             versions: None,
             fades: Vec::new(),
@@ -109,6 +125,25 @@ impl GpuTissue {
             joints: Vec::new(),
             deformed: Deformed::default(),
         }
+    }
+
+    /// True until the next deform pass if something computed is out of date.
+    pub fn needs_deform(&self) -> bool {
+        self.stale.all || self.stale.any
+    }
+
+    /// Calls `found` with stage (0: vertices, 1: wedges) and first element of every workgroup that has to run, which then is done.
+    pub fn work(&mut self, mut found: impl FnMut(usize, u32)) {
+        let Self { stale, groups, record, .. } = self;
+        if stale.all {
+            for (stage, count) in [record.vertex_count, record.wedge_count].into_iter().enumerate() {
+                (0..count).step_by(GROUP as usize).for_each(|first| found(stage, first));
+            }
+        } else if stale.any {
+            groups.visit(|j| stale.particles.get(j).copied().unwrap_or(true), found);
+        }
+        (stale.all, stale.any) = (false, false);
+        stale.particles.fill(false);
     }
 
     /// Face slots in the face arena: first and number.
@@ -211,7 +246,8 @@ impl GpuTissue {
 
     /// The deform pass on the CPU.
     fn deform(&mut self, arenas: &mut Arenas, view: &TissueView<'_>) {
-        if std::mem::take(&mut self.needs_deform) {
+        if self.needs_deform() {
+            self.stale = Stale::default();
             let Self { deformed, slots, .. } = self;
             deformed.compute(view, self.record.flags & FADING != 0);
             arenas.upload(ArenaKind::Deformed, slots.positions, 0..deformed.positions.len(), |v| deformed.positions[v]);
@@ -242,7 +278,7 @@ impl GpuTissue {
             // What the deform pass writes, it writes anew after a move.
             arenas.resize(context, kind, slot, len, kind != ArenaKind::Deformed)?;
         }
-        self.needs_deform |= before != (self.slots.positions, self.slots.normals);
+        self.stale.all |= before != (self.slots.positions, self.slots.normals);
         Ok(())
     }
 
@@ -274,7 +310,10 @@ impl GpuTissue {
         for range in clamped(&ranges.wedges, slots.wedges.len) {
             arenas.upload(ArenaKind::Wedges, slots.wedges, range, |w| view.mesh.wedges()[w]);
         }
-        self.needs_deform |= arenas.bytes_uploaded() != before;
+        if arenas.bytes_uploaded() != before {
+            self.stale.all = true;
+            self.groups.forget();
+        }
     }
 
     /// Joint matrices, displacements and fades, each only if its version is new.
@@ -294,6 +333,8 @@ impl GpuTissue {
             let vector = |p: usize| view.displacements[p].as_vec3().extend(0.0).to_array();
             arenas.upload(ArenaKind::Vectors, self.slots.displacements, 0..view.displacements.len(), vector);
             self.largest_displacement = view.displacements.iter().map(|u| u.length()).fold(0.0, f64::max);
+            self.stale.all |= pose || fades || rotations;
+            self.note_displaced(view);
         }
         if rotations {
             let vector = |k: usize| {
@@ -309,7 +350,25 @@ impl GpuTissue {
         if fades || self.fades.len() < view.fades.len() {
             self.upload_fades(arenas, view);
         }
-        self.needs_deform |= pose || displacements || fades || rotations;
+        self.stale.all |= pose || fades || rotations;
+    }
+
+    /// Finds the particles whose displacement is another than it was, if that is all that has changed and it is known what hangs on
+    /// them; else everything is out of date.
+    fn note_displaced(&mut self, view: &TissueView<'_>) {
+        let Self { stale, groups, displacements, .. } = self;
+        let known = displacements.len() == view.displacements.len() && view.rotations.is_empty();
+        if known && !stale.all && groups.advance(view) {
+            stale.particles.resize(displacements.len(), false);
+            for ((stale, old), new) in stale.particles.iter_mut().zip(&*displacements).zip(view.displacements) {
+                *stale |= old != new;
+            }
+            stale.any = true;
+        } else {
+            stale.all = true;
+        }
+        displacements.clear();
+        displacements.extend_from_slice(view.displacements);
     }
 
     /// Uploads the fades that differ from those on the GPU.
@@ -347,7 +406,7 @@ impl GpuTissue {
         let slots = &self.slots;
         let fading = !view.fades.is_empty() && view.time_s < self.fades_end_s;
         // When the last fade has ended, one more pass takes it off.
-        self.needs_deform |= fading || self.record.flags & FADING != 0;
+        self.stale.all |= fading || self.record.flags & FADING != 0;
         let flag = |on: bool, bit: u32| if on { bit } else { 0 };
         let time_high = if fading { view.time_s as f32 } else { 0.0 };
         let size = view.diagonal;
