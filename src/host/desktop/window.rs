@@ -3,10 +3,11 @@
 use super::in_hand;
 use super::keys::{self, KeyCommand};
 use super::screen::{Acquired, Screen, Shot, WindowTarget};
-use super::session::{Session, Wake as WakeCall, Wish};
+use super::session::{Session, Wish};
 use super::{DesktopError, DesktopRun, Loaded, Setup};
 use crate::gpu::GpuError;
 use crate::gpu::ui::UiFrame;
+use crate::host::models::Wake as WakeCall;
 use crate::input::tools::{Button, Modifiers};
 use crate::panel::{Panel, PanelAction};
 use egui_winit::egui::ViewportId;
@@ -257,7 +258,9 @@ impl Live {
         // keys are the panel's only while it is being typed into: else a button in focus would take them
         let typing = self.panel.is_typing() || self.pressed_panel;
         let for_panel = !matches!(event, WindowEvent::KeyboardInput { .. }) || typing;
-        if for_panel && self.events.on_window_event(&self.window, &event).repaint {
+        // a shift or a control key alone changes nothing that is seen
+        let seen = for_panel && self.events.on_window_event(&self.window, &event).repaint;
+        if seen && !matches!(event, WindowEvent::ModifiersChanged(_)) {
             self.redraw();
         }
         let keys = self.modifiers();
@@ -270,6 +273,7 @@ impl Live {
             WindowEvent::Resized(size) => {
                 self.hidden = size.width == 0 || size.height == 0;
                 self.screen.resize(size.width, size.height);
+                tracing::debug!("the window has {} x {} pixels", size.width, size.height);
                 self.session.touch();
             }
             WindowEvent::Occluded(hidden) => {
@@ -391,7 +395,8 @@ impl Live {
     }
 
     fn draw(&mut self) -> Result<(), DesktopError> {
-        self.asked = false;
+        // asked for and drawn may be one turn of the loop: a frame ends a rest all the same
+        (self.asked, self.rests) = (false, false);
         let frame = match self.screen.acquire() {
             Acquired::Frame(frame) => frame,
             Acquired::Again => {
