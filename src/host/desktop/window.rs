@@ -263,7 +263,12 @@ impl Live {
         }
         // keys are the panel's only while it is being typed into: else a button in focus would take them
         let typing = self.panel.is_typing() || self.pressed_panel;
-        let for_panel = !matches!(event, WindowEvent::KeyboardInput { .. }) || typing;
+        let for_panel = match event {
+            WindowEvent::KeyboardInput { .. } => typing,
+            // egui draws without end while a file is held over it
+            WindowEvent::HoveredFile(_) | WindowEvent::HoveredFileCancelled | WindowEvent::DroppedFile(_) => false,
+            _ => true,
+        };
         // a shift or a control key alone changes nothing that is seen
         let seen = for_panel && self.events.on_window_event(&self.window, &event).repaint;
         if seen && !matches!(event, WindowEvent::ModifiersChanged(_)) {
