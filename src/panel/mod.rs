@@ -4,7 +4,7 @@
 mod sections;
 mod state;
 
-pub use state::{Notice, PanelAction, PanelState, Progress, TimingRow};
+pub use state::{Notice, PanelAction, PanelState, Progress, TimingRow, short_name};
 
 use std::time::Duration;
 
@@ -44,6 +44,8 @@ impl Panel {
         panel.context.all_styles_mut(|style| {
             style.text_styles.insert(egui::TextStyle::Small, egui::FontId::proportional(11.0));
             style.visuals.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(190);
+            style.visuals.selection.bg_fill = egui::Color32::from_rgb(13, 104, 102);
+            style.visuals.slider_trailing_fill = true;
             // a cursor that blinks is a window that never rests
             style.visuals.text_cursor.blink = false;
         });

@@ -50,7 +50,7 @@ pub const HELP: [(&str, &str); 23] = [
 pub fn all(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     ui.add_space(6.0);
     ui.horizontal(|ui| {
-        ui.heading("Incise");
+        ui.heading(RichText::new("Incise").strong());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if !state.in_room && ui.button("Help").on_hover_text("Mouse and keys (F1)").clicked() {
                 state.help = !state.help;
@@ -86,10 +86,11 @@ fn section(ui: &mut Ui, title: &str, open: bool, add: impl FnOnce(&mut Ui)) {
 }
 
 fn model(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
-    ui.label(RichText::new(&state.model).monospace());
+    ui.add(egui::Label::new(RichText::new(state.model_name()).strong()).truncate()).on_hover_text(&state.model);
     let [vertices, faces, particles, pieces] = state.counts;
+    let pieces = if pieces == 1 { "1 piece".to_string() } else { format!("{pieces} pieces") };
     ui.small(format!("{faces} faces, {vertices} vertices"));
-    ui.small(format!("{particles} particles, {pieces} piece(s), diagonal {}", length(state.diagonal)));
+    ui.small(format!("{particles} particles, {pieces}, diagonal {}", length(state.diagonal)));
     ui.horizontal_wrapped(|ui| {
         for name in state.bundled.clone() {
             let shown = state.model == name;

@@ -3,6 +3,7 @@
 mod dialog;
 mod in_hand;
 mod keys;
+mod panel_events;
 mod pictures;
 mod record;
 mod screen;

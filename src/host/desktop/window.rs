@@ -3,6 +3,7 @@
 use super::dialog::{self, Answer};
 use super::in_hand;
 use super::keys::{self, KeyCommand};
+use super::panel_events::panel_on;
 use super::pictures::Pictures;
 use super::screen::{Acquired, Screen, Shot, WindowTarget};
 use super::session::{Session, Wish};
@@ -11,8 +12,7 @@ use crate::gpu::GpuError;
 use crate::gpu::ui::UiFrame;
 use crate::host::models::Wake as WakeCall;
 use crate::input::tools::{Button, Modifiers};
-use crate::panel::{Panel, PanelAction};
-use egui_winit::egui::ViewportId;
+use crate::panel::{Panel, PanelAction, short_name};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -142,12 +142,12 @@ impl ApplicationHandler<Wake> for Desktop {
 impl Live {
     fn open(events: &ActiveEventLoop, setup: Setup, first: Loaded, proxy: EventLoopProxy<Wake>) -> Result<Self, DesktopError> {
         let attributes = Window::default_attributes()
-            .with_title(format!("Incise: {}", first.name))
+            .with_title(title(&first.name))
             .with_inner_size(LogicalSize::new(setup.size.0, setup.size.1))
             .with_min_inner_size(LogicalSize::new(LEAST_SIZE.0, LEAST_SIZE.1));
         let window = Arc::new(events.create_window(attributes).map_err(|e| DesktopError::NoWindow(e.to_string()))?);
         let screen = Screen::new(events, &window)?;
-        let (panel, state) = panel_on(events, &window, &screen, &proxy);
+        let (panel, state) = panel_on(&window, &screen, events, repaint_by(&proxy));
         let waker = proxy.clone();
         let wake = move || -> WakeCall {
             let proxy = waker.clone();
@@ -258,8 +258,14 @@ impl Live {
     }
 
     fn handle(&mut self, event: WindowEvent) -> Result<(), DesktopError> {
+        // not for egui, which would answer each with a wish for another
         if matches!(event, WindowEvent::RedrawRequested) {
-            return self.draw(); // egui would answer each with a wish for another
+            if self.hidden {
+                self.asked = false;
+                self.session.touch(); // drawn when it is shown again
+                return Ok(());
+            }
+            return self.draw();
         }
         // keys are the panel's only while it is being typed into: else a button in focus would take them
         let typing = self.panel.is_typing() || self.pressed_panel;
@@ -455,7 +461,7 @@ impl Live {
         }
         if std::mem::take(&mut self.session.scene_changed) {
             self.screen.forget();
-            self.window.set_title(&format!("Incise: {}", self.session.panel.model));
+            self.window.set_title(&title(&self.session.panel.model));
         }
         let now = Instant::now();
         self.last_frame = now;
@@ -488,9 +494,8 @@ impl Live {
             Err(GpuError::Lost(why)) => {
                 tracing::warn!("the GPU was lost ({why}); starting another device");
                 self.screen.replace_lost_device()?;
-                self.panel = Panel::new();
-                self.events = state_of(&self.panel, &self.window, &self.screen, &self.window);
-                attach(&self.panel, &self.proxy);
+                let repaint = repaint_by(&self.proxy);
+                (self.panel, self.events) = panel_on(&self.window, &self.screen, &self.window, repaint);
                 self.session.touch();
             }
             Err(why) => {
@@ -550,38 +555,19 @@ impl Live {
     }
 }
 
+fn title(model: &str) -> String {
+    format!("Incise: {}", short_name(model))
+}
+
 /// When the next frame of what moves is due: at once where it is looked at, else not more than ten times a second.
 fn due(now: Instant, last_frame: Instant, in_front: bool) -> Instant {
     if in_front { now } else { last_frame + BACKGROUND }
 }
 
-fn panel_on(
-    events: &ActiveEventLoop,
-    window: &Window,
-    screen: &Screen,
-    proxy: &EventLoopProxy<Wake>,
-) -> (Panel, egui_winit::State) {
-    let panel = Panel::new();
-    attach(&panel, proxy);
-    let state = state_of(&panel, window, screen, events);
-    (panel, state)
-}
-
-/// The panel's wish for another frame wakes the loop.
-fn attach(panel: &Panel, proxy: &EventLoopProxy<Wake>) {
+/// How the panel's wish for another frame wakes the loop.
+fn repaint_by(proxy: &EventLoopProxy<Wake>) -> impl Fn(Duration) + Send + Sync + 'static {
     let proxy = proxy.clone();
-    panel.context().set_request_repaint_callback(move |info| drop(proxy.send_event(Wake::Repaint(info.delay))));
-}
-
-fn state_of(
-    panel: &Panel,
-    window: &Window,
-    screen: &Screen,
-    display: &dyn winit::raw_window_handle::HasDisplayHandle,
-) -> egui_winit::State {
-    let scale = Some(window.scale_factor() as f32);
-    let side = Some(screen.longest_side() as usize);
-    egui_winit::State::new(panel.context().clone(), ViewportId::ROOT, display, scale, window.theme(), side)
+    move |after| drop(proxy.send_event(Wake::Repaint(after)))
 }
 
 #[cfg(test)]
