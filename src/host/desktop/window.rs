@@ -466,6 +466,9 @@ impl Live {
         let now = Instant::now();
         self.last_frame = now;
         self.frames += 1;
+        if !self.focused {
+            tracing::debug!("frame {} in the background", self.frames);
+        }
         let input = self.session.next_input(now);
         let preview = self.session.preview();
         let mut target = WindowTarget {
