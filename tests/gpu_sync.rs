@@ -8,8 +8,10 @@ use gpu_support::{Model, bar, bend, context, sphere};
 use incise::geometry::topology::{NewFace, TopologyScratch};
 use incise::geometry::{FaceId, ParticleId, Wedge, WedgeId};
 use incise::gpu::arenas::bytes_per_model;
-use incise::gpu::{Camera, DrawOptions, GpuCounters, GpuError, Renderer, TissueDirty};
+use incise::gpu::context::device_descriptor;
+use incise::gpu::{Camera, Context, DrawOptions, GpuCounters, GpuError, Renderer, TissueDirty};
 use incise::particles::Influence;
+use std::sync::Arc;
 
 fn renderer() -> Renderer {
     Renderer::new(context())
@@ -271,6 +273,27 @@ fn empty_and_nan_models_do_not_harm() {
     assert_eq!(results(&renderer, 1), (Vec::new(), Vec::new()));
     frame(&mut renderer, &odd, &TissueDirty::Full);
     assert_eq!(results(&renderer, 1).0.len(), odd.rows.len());
+}
+
+/// A device whose buffers end at a mebibyte stands for a model too large for any.
+#[test]
+fn a_model_over_the_limits_is_refused_in_words_and_others_go_on() {
+    let wide = context();
+    let mut descriptor = device_descriptor(wide.adapter()).expect("limits");
+    (descriptor.required_limits.max_storage_buffer_binding_size, descriptor.required_limits.max_buffer_size) = (1 << 20, 1 << 20);
+    let (device, queue) = pollster::block_on(wide.adapter().request_device(&descriptor)).expect("a device");
+    let narrow = Context::from_parts(wide.instance().clone(), wide.adapter().clone(), device, queue);
+    let mut renderer = Renderer::new(Arc::new(narrow));
+    let small = soft_bar();
+    renderer.sync(1, &small.view(), &TissueDirty::Full).expect("fits");
+    let large = sphere(64, 1.0);
+    let error = renderer.sync(2, &large.view(), &TissueDirty::Full).expect_err("49152 faces do not fit");
+    assert!(matches!(error, GpuError::TooLarge { limit_bytes: 1_048_576, .. }), "{error:?}");
+    let text = error.to_string();
+    assert!(text.contains("simplify the model") && text.contains("1048576"), "{text}");
+    renderer.deform().expect("goes on");
+    assert_eq!(results(&renderer, 1), fresh(&small));
+    assert_eq!(renderer.keys().collect::<Vec<_>>(), [1]);
 }
 
 #[test]

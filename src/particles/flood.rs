@@ -100,7 +100,7 @@ impl Flood {
     }
 
     /// Floods from `starts` (taken whatever `inside` says; dead ones are skipped) over vertices that are `inside`.
-    pub fn run(&mut self, mesh: &Mesh, starts: &[VertexId], inside: impl Fn(VertexId) -> bool) -> &[VertexId] {
+    pub fn run(&mut self, mesh: &Mesh, starts: &[VertexId], mut inside: impl FnMut(VertexId) -> bool) -> &[VertexId] {
         self.begin(mesh);
         let (seen, taken) = (2 * self.round, 2 * self.round + 1);
         let (stamps, reached) = (&mut self.stamps, &mut self.reached);

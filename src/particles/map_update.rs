@@ -21,6 +21,9 @@ use std::ops::Range;
 /// they push out no link that was there.
 pub const EXTRA_INFLUENCES: usize = 16;
 
+/// Vertices that the way from an orphan to a particle may pass: among the shreds of many slits each orphan would look at all others.
+const ORPHAN_FLOOD: usize = 2048;
+
 /// A vertex that an edit made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NewVertex {
@@ -96,6 +99,8 @@ pub struct UpdateScratch {
     /// The last visit of [`Update::regain`] that looked at each particle, and the number of visits.
     tried: Vec<u32>,
     visits: u32,
+    /// Particles that no strip parts from an orphan, with their weights, in [`Update::nearest_connected`].
+    seen: Vec<(f64, ParticleId)>,
     /// Particles whose links are to be found: new and re-anchored ones.
     unlinked: Vec<ParticleId>,
     /// Rows that the update rewrote, as they were: vertex and range of `old_entries`.
@@ -397,6 +402,26 @@ impl Update<'_, '_> {
         }
     }
 
+    /// [`Update::link_particles`] for a particle that holds what no other reaches, often a shred between slits: its flood does not
+    /// go on beyond a strip. What lies around a corner has particles of its own.
+    fn link_orphan(&mut self) {
+        let Some(j) = self.scratch.unlinked.pop() else { return };
+        let Self { mesh, rest, map, strips, settings, .. } = self;
+        let anchor = map.anchors[j.index()];
+        let (centre, radius) = (rest[anchor.index()], settings.radius_of(map, j));
+        let UpdateScratch { flood, tests, .. } = &mut *self.scratch;
+        flood.run(mesh, &[anchor], |v| {
+            rest[v.index()].distance_squared(centre) <= radius * radius && tests.connects(strips, rest, map, settings, (j, v))
+        });
+        for i in 0..self.scratch.flood.reached.len() {
+            let v = self.scratch.flood.reached[i];
+            if self.weight(v, j) > 0.0 {
+                self.scratch.rows.open(v, self.map).add(j);
+            }
+        }
+        self.find_neighbours(j, anchor);
+    }
+
     /// A new particle is joined to those that hold its anchor: near, on its sheet, and on its side of every strip.
     fn find_neighbours(&mut self, j: ParticleId, anchor: VertexId) {
         let delta = self.settings.neighbours;
@@ -442,7 +467,7 @@ impl Update<'_, '_> {
                 Some(j) => self.scratch.rows.open(v, self.map).add(j),
                 None => {
                     self.add_particle(v, DVec3::ZERO);
-                    self.link_particles();
+                    self.link_orphan();
                     self.scratch.rows.list(&mut self.scratch.work);
                 }
             }
@@ -450,19 +475,34 @@ impl Update<'_, '_> {
     }
 
     fn nearest_connected(&mut self, v: VertexId) -> Option<ParticleId> {
-        let (p, reach) = (self.rest[v.index()], 2.0 * self.settings.radius);
-        let rest = self.rest;
-        self.scratch.flood.run(self.mesh, &[v], |w| is_within(rest[w.index()], p - reach, p + reach));
-        let mut best: Option<(f64, ParticleId)> = None;
+        // those that no strip parts from the orphan, strongest first; often there is none
+        let mut seen = std::mem::take(&mut self.scratch.seen);
+        seen.clear();
         for i in 0..self.scratch.near.len() {
             let j = self.scratch.near[i];
             let weight = self.weight(v, j);
-            let is_better = best.is_none_or(|b| (weight, std::cmp::Reverse(j)) > (b.0, std::cmp::Reverse(b.1)));
-            if is_better && self.scratch.flood.has_reached(self.map.anchors[j.index()]) && self.may_link(v, j) {
-                best = Some((weight, j));
+            if weight > 0.0 && self.connects(j, v) {
+                seen.push((weight, j));
             }
         }
-        best.map(|b| b.1)
+        seen.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let Self { mesh, rest, map, settings, .. } = self;
+        let anchor = |j: ParticleId| map.anchors[j.index()];
+        let flood = &mut self.scratch.flood;
+        let best = seen.first().and_then(|&(_, first)| {
+            let (p, reach) = (rest[v.index()], 2.0 * settings.radius);
+            let (mut is_found, mut visited) = (anchor(first) == v, 0);
+            flood.run(mesh, &[v], |w| {
+                let is_reached = !is_found && visited < ORPHAN_FLOOD && is_within(rest[w.index()], p - reach, p + reach);
+                is_found |= w == anchor(first);
+                visited += 1;
+                is_reached
+            });
+            let found = seen.iter().map(|s| s.1).find(|&j| flood.has_reached(anchor(j)));
+            if is_found { Some(first) } else { found }
+        });
+        self.scratch.seen = seen;
+        best
     }
 
     /// Writes the rows that differ from the map's.

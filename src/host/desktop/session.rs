@@ -214,7 +214,7 @@ impl Session {
             let made: Vec<DVec3> = self.inserted.iter().filter(|(id, _)| !before.contains_key(id)).map(|(_, p)| *p).collect();
             self.strokes.extend(traces.iter().map(|trace| StrokeNote::new(trace, &made, self.frame_count, origin)));
         }
-        self.panel.note_frame(report.stages);
+        self.panel.note_frame(report.stages, report.counters.rows());
         if self.setup.record {
             self.frames.push(FrameNote { at_s: self.setup.started.elapsed().as_secs_f64(), report });
         }

@@ -8,6 +8,7 @@ use super::pictures::Pictures;
 use super::screen::{Acquired, Screen, Shot, WindowTarget};
 use super::session::{Session, Wish};
 use super::{DesktopError, DesktopRun, Loaded, Setup};
+use crate::diagnostics::Stages;
 use crate::gpu::GpuError;
 use crate::gpu::ui::UiFrame;
 use crate::host::models::Wake as WakeCall;
@@ -392,6 +393,7 @@ impl Live {
                 return self.act(PanelAction::Animate(next));
             }
             KeyCommand::ToggleHelp => panel.help = !panel.help,
+            KeyCommand::ToggleCounters => panel.counters_shown = !panel.counters_shown,
             KeyCommand::TogglePanel => panel.open = !panel.open,
             KeyCommand::ToggleFullScreen => {
                 let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
@@ -482,10 +484,13 @@ impl Live {
             wants_shot: std::mem::take(&mut self.wants_shot) || recording,
             shot: None,
             window: &self.window,
+            times_passes: self.session.panel.counters_shown,
+            passes: Stages::default(),
         };
         match self.session.app.frame(&input, &mut target) {
             Ok(report) => {
                 let shot = target.shot.take();
+                self.session.panel.gpu_stages = target.passes;
                 if self.frames == 1 {
                     tracing::info!("first frame after {:.2} s", self.session.gesture_time_s());
                 }

@@ -184,7 +184,7 @@ impl Desk {
             return;
         }
         let state = &mut self.board.state;
-        state.note_frame(report.stages);
+        state.note_frame(report.stages, report.counters.rows());
         (state.undo_depth, state.redo_depth) = (app.scene.undo_depth(), app.scene.redo_depth());
         if let Some(edit) = report.edits.last() {
             let (kind, outcome, pieces) = (edit.kind, edit.outcome.as_str(), edit.pieces.len());
