@@ -57,23 +57,45 @@ fn a_start_without_loader_runtime_service_or_headset_says_which() {
     }
 }
 
-/// Starts plain `incise`, says why it does without a headset, and opens a window.
+/// A program that runs for itself, and where it writes what it has to say.
+struct Free {
+    program: Kept,
+    log: std::path::PathBuf,
+}
+
+impl Free {
+    fn start(service: &Service, name: &str, mut command: Command) -> Self {
+        let log = service.folder.join(format!("{name}.log"));
+        let file = std::fs::File::create(&log).expect("a log");
+        let program = Kept::spawn(command.stdout(file.try_clone().expect("a log")).stderr(file));
+        Self { program, log }
+    }
+
+    fn said(&self) -> String {
+        std::fs::read_to_string(&self.log).unwrap_or_default()
+    }
+
+    /// Waits until it has said these words; they must come while it runs.
+    fn says(&mut self, words: &str) {
+        within(HANG, || self.said().contains(words) || self.program.has_ended());
+        assert!(self.said().contains(words) && !self.program.has_ended(), "{words:?}: {}", self.said());
+    }
+}
+
 #[test]
 #[ignore = "scripts/test-vr runs it"]
-fn plain_incise_without_a_headset_opens_a_window() {
+fn plain_incise_opens_the_headset_and_without_one_a_window() {
     let absent = Service::absent("plain");
     for (missing, variable, sentence) in absences(&absent) {
         let display = absent.display(missing);
-        let log = absent.folder.join(format!("{missing}.log"));
         let mut command = absent.incise(&["-v"]);
         command.envs(variable).env("DISPLAY", display.name());
-        let file = std::fs::File::create(&log).expect("a log");
-        let mut program = Kept::spawn(command.stdout(file.try_clone().expect("a log")).stderr(file));
-        let said = || std::fs::read_to_string(&log).unwrap_or_default();
-        let opens = within(HANG, || said().contains("first frame after") || program.has_ended());
-        assert!(opens && !program.has_ended(), "no {missing}: {}", said());
-        assert!(said().contains(sentence), "no {missing}: {}", said());
+        let mut plain = Free::start(&absent, missing, command);
+        plain.says("first frame after");
+        assert!(plain.said().contains(sentence), "no {missing}: {}", plain.said());
     }
+    let present = Service::start("present", Compositor::Null);
+    Free::start(&present, "present", present.incise(&["-v"])).says("the session is FOCUSED");
 }
 
 /// A file of settings that has the program wait so many seconds for a runtime to come back.
@@ -140,13 +162,8 @@ fn a_headset_that_is_off_for_a_while_rests_the_scene() {
     let service = Service::start("off", Compositor::Null);
     let mut led = Led::start(&service, &["heart", "--out", "out"], &[]);
     tear(&mut led);
-    let log = service.folder.join("other.log");
-    let file = std::fs::File::create(&log).expect("a log");
-    let mut command = service.incise(&["-v", "vr"]);
-    let mut other = Kept::spawn(command.stdout(file.try_clone().expect("a log")).stderr(file));
-    let said = || std::fs::read_to_string(&log).unwrap_or_default();
-    let has_it = within(HANG, || said().contains("the session is FOCUSED") || other.has_ended());
-    assert!(has_it && !other.has_ended(), "{}", said());
+    let mut other = Free::start(&service, "other", service.incise(&["-v", "vr"]));
+    other.says("the session is FOCUSED");
     // Ours asks for no input from here on until it has the headset back.
     led.pass();
     drop(other);
