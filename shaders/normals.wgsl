@@ -84,11 +84,11 @@ fn side_of(t: u32, h: u32) -> u32 {
     return select(SKIN, INSIDE, (faces[tissues[t].faces + h / 3u].draw >> 31u) != 0u);
 }
 
-// 1 on the lip of a wound, for the picture: a vertex that an edit inserted, where the skin ends or meets a wall or cap.
-fn lip_of(t: u32, v: u32) -> f32 {
+// True on the lip of a wound: a vertex that an edit inserted, where the skin ends or meets a wall or cap.
+fn is_lip(t: u32, v: u32) -> bool {
     let record = vertices[tissues[t].vertices + v];
     if (record.row.y == 0u || record.half_edge == NONE) {
-        return 0.0;
+        return false;
     }
     var touches = 0u;
     var h = record.half_edge;
@@ -96,7 +96,7 @@ fn lip_of(t: u32, v: u32) -> f32 {
         touches |= side_of(t, h);
         h = opposite_of(t, previous_of(h));
         if (h == record.half_edge) {
-            return select(0.0, 1.0, touches == (SKIN | INSIDE));
+            return touches == (SKIN | INSIDE);
         }
         if (h == NONE) {
             break;
@@ -108,7 +108,60 @@ fn lip_of(t: u32, v: u32) -> f32 {
         touches |= side_of(t, h);
         h = opposite_of(t, h);
     }
-    return select(0.0, 1.0, (touches & SKIN) != 0u); // an open fan
+    return (touches & SKIN) != 0u; // an open fan
+}
+
+// What is farther from a lip than this, in diagonals, does not look like one.
+const FAR_FROM_LIP: f32 = 0.03;
+
+// Distance of a point from the lip's part in the face that half-edge `h` leaves the point from, metres; a large number if none.
+fn lip_in_face(t: u32, h: u32, p: vec3f) -> f32 {
+    let face = tissues[t].faces + h / 3u;
+    let k = h % 3u;
+    let wb = tissues[t].wedges + faces[face].wedges[(k + 1u) % 3u];
+    let wc = tissues[t].wedges + faces[face].wedges[(k + 2u) % 3u];
+    let b_is = is_lip(t, wedges[wb].vertex);
+    let c_is = is_lip(t, wedges[wc].vertex);
+    if (!b_is && !c_is) {
+        return 1e30;
+    }
+    let b = deformed[tissues[t].positions + wedges[wb].vertex].xyz;
+    let c = deformed[tissues[t].positions + wedges[wc].vertex].xyz;
+    let origin = select(c, b, b_is);
+    let along = select(c, b, !c_is) - origin;
+    let square = dot(along, along);
+    let x = select(0.0, saturate(dot(p - origin, along) / square), square > 0.0);
+    return length(p - origin - x * along);
+}
+
+// Distance of a vertex from the lip of a wound over the faces around it, in diagonals, for the picture; at most FAR_FROM_LIP.
+fn lip_distance(t: u32, v: u32) -> f32 {
+    let start = vertices[tissues[t].vertices + v].half_edge;
+    if ((tissues[t].flags & WOUNDED) == 0u || start == NONE) {
+        return FAR_FROM_LIP;
+    }
+    if (is_lip(t, v)) {
+        return 0.0;
+    }
+    let p = deformed[tissues[t].positions + v].xyz;
+    var nearest = 1e30;
+    var h = start;
+    for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
+        nearest = min(nearest, lip_in_face(t, h, p));
+        h = opposite_of(t, previous_of(h));
+        if (h == start) {
+            break;
+        }
+    }
+    if (h == NONE) {
+        h = opposite_of(t, start);
+        for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
+            h = next_of(h);
+            nearest = min(nearest, lip_in_face(t, h, p));
+            h = opposite_of(t, h);
+        }
+    }
+    return min(nearest * tissues[t].detail_scale, FAR_FROM_LIP);
 }
 
 @compute @workgroup_size(64)
@@ -141,5 +194,5 @@ fn normals(
             }
         }
     }
-    deformed[tissues[t].normals + w] = vec4f(normal, lip_of(t, wedge.vertex));
+    deformed[tissues[t].normals + w] = vec4f(normal, lip_distance(t, wedge.vertex));
 }

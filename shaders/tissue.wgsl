@@ -21,7 +21,7 @@ struct Corner {
     @location(5) @interpolate(flat, either) material: u32,
     @location(6) @interpolate(flat, either) flags: u32,
     @location(7) @interpolate(flat, either) view: u32,
-    @location(8) lip: f32, // 1 on the lip of a wound
+    @location(8) lip: f32, // distance from the lip of a wound, in diagonals
 }
 
 fn to_world(t: u32, p: vec3f) -> vec3f {
@@ -132,7 +132,7 @@ fn raw_flesh(base: vec3f, p: vec3f, s: ptr<function, Surface>) -> vec3f {
     let grain = turned_noise(p * 140.0);
     let strand = smoothstep(0.42, 0.75, fibre.x + 0.25 * grain.x);
     var albedo = base * (1.0 + 0.35 * broad.x + 0.30 * fibre.x + 0.12 * grain.x);
-    albedo = mix(albedo, vec3f(0.46, 0.20, 0.15), 0.35 * strand);
+    albedo = mix(albedo, vec3f(0.46, 0.20, 0.15), 0.22 * strand);
     (*s).albedo = max(albedo, vec3f(0.004));
     (*s).roughness = 0.56;
     (*s).scatter = 1.0;
@@ -218,7 +218,7 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     let relief = gradient * (max(s.wetness, 0.35) * scale);
     s.film_normal = tilt(s.normal, relief, position_x, position_y, rest_x, rest_y);
     s.normal = normalize(mix(s.normal, s.film_normal, 0.45));
-    if (front && in.lip > 0.0) {
+    if (front && in.lip < 4.0 * LIP_WIDTH) {
         lip(&s, in.lip, vec2f(lip_x, lip_y), position_x, position_y, scale, wall);
     }
     return finish(shade(s), in.clip.xy);
@@ -229,29 +229,28 @@ const RAW: vec3f = vec3f(0.36, 0.038, 0.034);
 const LIP_WIDTH: f32 = 0.0045;
 
 // The lip of a wound: a thin pale edge, where skin or capsule is seen cut, that rolls over into the wound and so catches the
-// light. `value` is 1 on the lip and falls across the faces beside it.
-fn lip(s: ptr<function, Surface>, value: f32, slope: vec2f, position_x: vec3f, position_y: vec3f, scale: f32, wall: bool) {
-    // Metres from the lip: what is left of the way, over the slope along the surface.
+// light. `distance` from it is in diagonals.
+fn lip(s: ptr<function, Surface>, distance: f32, slope: vec2f, position_x: vec3f, position_y: vec3f, scale: f32, wall: bool) {
     let n = (*s).shell_normal;
     let r1 = cross(position_y, n);
     let r2 = cross(n, position_x);
     let det = dot(position_x, r1);
-    let uphill = (slope.x * r1 + slope.y * r2) * (sign(det) / max(abs(det), 1e-20));
-    let steep = length(uphill);
-    let distance = (1.0 - value) / max(steep, 1e-6);
-    let width = LIP_WIDTH * scale;
+    let away = (slope.x * r1 + slope.y * r2) * (sign(det) / max(abs(det), 1e-20));
+    let width = LIP_WIDTH;
     let near = smoothstep(width, 0.15 * width, distance);
     let flush = smoothstep(4.0 * width, 0.0, distance);
     if (wall) {
-        (*s).albedo = mix((*s).albedo, vec3f(0.52, 0.24, 0.17), 0.55 * near);
-        (*s).openness = mix((*s).openness, 0.95, flush);
+        // A face of a cap has all its corners on the lip and is none of it: there the distance does not grow.
+        let grows = smoothstep(0.2, 0.6, length(away) * scale);
+        (*s).albedo = mix((*s).albedo, vec3f(0.52, 0.24, 0.17), 0.55 * near * grows);
+        (*s).openness = mix((*s).openness, 0.95, flush * grows);
         return;
     }
     // Blood gathers beside the cut; the edge itself is pale.
     (*s).albedo = mix((*s).albedo, (*s).albedo * vec3f(0.86, 0.45, 0.45), 0.65 * flush);
     (*s).albedo = mix((*s).albedo, vec3f(0.66, 0.31, 0.25), 0.7 * near);
     (*s).wetness = mix((*s).wetness, 1.0, near);
-    let towards = uphill / max(steep, 1e-6);
+    let towards = -away / max(length(away), 1e-6);
     (*s).normal = normalize((*s).normal + 0.35 * near * towards);
     (*s).film_normal = normalize((*s).film_normal + 0.5 * near * towards);
 }

@@ -8,6 +8,7 @@ const SKINNED: u32 = 1u;
 const DISPLACED: u32 = 2u;
 const FADING: u32 = 4u;
 const ROTATED: u32 = 8u;
+const WOUNDED: u32 = 16u;
 
 // One tissue: where its data lies, and what moves it.
 struct TissueRecord {

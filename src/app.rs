@@ -28,6 +28,22 @@ pub struct FrameCounters {
     pub allocations: u64,
 }
 
+impl FrameCounters {
+    /// All, with their names in words.
+    pub fn rows(&self) -> [(&'static str, u64); 8] {
+        [
+            ("dispatches", self.dispatches),
+            ("draws", self.draws),
+            ("bytes uploaded", self.bytes_uploaded),
+            ("pipelines compiled", self.pipelines),
+            ("faces visited", self.faces_visited),
+            ("particles awake", self.particles_awake),
+            ("steps quarantined", self.quarantined),
+            ("allocations", self.allocations),
+        ]
+    }
+}
+
 /// What a frame did.
 #[derive(Clone, Debug, Default)]
 pub struct FrameReport {

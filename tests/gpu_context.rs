@@ -59,7 +59,10 @@ fn a_device_that_is_gone_is_an_error_and_can_be_opened_again() -> Result<(), Gpu
 fn optional_features_can_be_left_out() -> Result<(), GpuError> {
     let plain = Context::headless(ContextOptions { plain: true, ..Default::default() })?;
     assert!(plain.device().features().is_empty() && !plain.draws_views_at_once(2, 1));
-    assert!(plain.reopen()?.device().features().is_empty());
+    assert!(plain.device().limits().max_storage_buffers_per_shader_stage == 4 && !plain.deforms());
+    let again = plain.reopen()?;
+    assert!(again.device().features().is_empty() && !again.deforms());
+    assert!(Context::headless(ContextOptions::default())?.deforms());
     let mut renderer = incise::gpu::Renderer::new(std::sync::Arc::new(plain));
     assert!(!renderer.set_timing(true) && renderer.gpu_times().is_none());
     Ok(())

@@ -151,6 +151,39 @@ fn rotations_are_uploaded_only_where_there_are_any() {
     assert!(first > plain + 48 * model.rotations.len() as u64);
 }
 
+/// Where shaders may not read enough buffers the CPU deforms, and what is drawn is the same: positions, normals, lips.
+#[test]
+fn an_adapter_with_few_storage_buffers_is_deformed_on_the_cpu() {
+    let model = twisted_bar();
+    let mut usual = renderer();
+    let mut plain = Renderer::new(gpu_support::plain_context());
+    let (gpu, cpu) = (deform(&mut usual, &model), deform(&mut plain, &model));
+    assert!(usual.take_counters().dispatches == 2 && plain.take_counters().dispatches == 0);
+    let exact = reference(&model);
+    assert!(error(&model, &cpu, &exact) < TOLERANCE && error(&model, &gpu, &exact) < TOLERANCE);
+    let (a, b) = (usual.read_normals(1).expect("normals"), plain.read_normals(1).expect("normals"));
+    let angle = |(a, b): (&[f32; 3], &[f32; 3])| {
+        let (a, b) = (glam::Vec3::from_array(*a).as_dvec3(), glam::Vec3::from_array(*b).as_dvec3());
+        a.cross(b).length().atan2(a.dot(b))
+    };
+    let worst = a.iter().zip(&b).map(angle).fold(0.0, f64::max);
+    println!("normals of the CPU against the GPU's: {worst:.2e} rad");
+    assert!(worst < 1e-3 && a.len() == b.len());
+    // A later pose goes the same way, and one that the GPU did not see differs.
+    let mut later = twisted_bar();
+    later.pose = bend(0.4);
+    (later.versions.pose, later.versions.fades) = (1, 1);
+    later.fades.fill([0.0; 4]);
+    plain.sync(1, &later.view(), &TissueDirty::clean()).expect("sync");
+    plain.deform().expect("deform");
+    let moved = plain.read_positions(1).expect("positions");
+    assert!(error(&later, &moved, &reference(&later)) < TOLERANCE && error(&model, &moved, &exact) > 100.0 * TOLERANCE);
+    let bytes = plain.take_counters().bytes_uploaded;
+    plain.sync(1, &later.view(), &TissueDirty::clean()).expect("sync");
+    plain.deform().expect("deform");
+    assert!(bytes > 0 && plain.take_counters().bytes_uploaded == 0, "asleep, nothing is computed or sent");
+}
+
 #[test]
 fn leaving_a_term_out_is_noticed() {
     let model = busy_bar();

@@ -4,7 +4,7 @@
 
 mod gpu_support;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use gpu_support::context;
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
@@ -14,7 +14,7 @@ use incise::gpu::{Camera, DrawOptions, GpuError, Instrument, Tool};
 use incise::host::mirror::Mirror;
 use incise::input::{InputFrame, Layer};
 use incise::particles::ParticleSettings;
-use incise::physics::NetworkSettings;
+use incise::physics::{NetworkSettings, RigidPose};
 use incise::scene::{EditCommand, Scene, SceneSettings};
 use incise::surgery::{BladePose, SamplingSettings, WallMode};
 use incise::tissue::{Tissue, TissueSettings};
@@ -136,7 +136,13 @@ fn heart() {
     let mut cut = app("heart", None);
     let mut gallery = Gallery { mirror: Mirror::new(context()), camera: gallery.camera, instruments: Vec::new(), shot: None };
     let plane = Plane::Equation { normal: DVec3::new(0.25, 0.9, 0.35), offset: 0.012 };
-    play(&mut cut, &mut gallery, 8, vec![EditCommand::Cut(plane)], &[], "heart-cut");
+    play(&mut cut, &mut gallery, 8, vec![EditCommand::CutClosed(plane)], &[], "heart-cut");
+    // The upper part is laid aside, so that both faces of the cut show.
+    let upper = cut.scene.tissues().max_by(|a, b| a.1.bounds().1.y.total_cmp(&b.1.bounds().1.y)).expect("a piece").0;
+    let pose = RigidPose { translation: DVec3::new(0.085, -0.03, 0.035), rotation: DQuat::from_rotation_z(-2.1) };
+    cut.scene.tissue_mut(upper).expect("the piece").set_frame(pose);
+    gallery.camera = Camera { eye: DVec3::new(0.07, 0.17, 0.22), target: DVec3::new(0.035, -0.02, 0.0), ..camera };
+    play(&mut cut, &mut gallery, 1, Vec::new(), &[], "heart-cut");
 }
 
 #[test]

@@ -11,10 +11,12 @@ use gpu_support::context;
 use gpu_support::golden::{TOLERANCE, compare, difference, load};
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
-use incise::geometry::Plane;
+use incise::geometry::{Plane, VertexId};
 use incise::gpu::{Camera, DrawOptions, Fov, GpuError, Instrument, Passes, Tool, ViewPose};
+use incise::host::layers::error_points;
 use incise::host::mirror::Mirror;
 use incise::input::{InputFrame, Layer};
+use incise::physics::RigidPose;
 use incise::scene::EditCommand;
 use incise::surgery::{BladePose, WallMode};
 
@@ -140,6 +142,27 @@ fn a_cut_in_two_with_instruments() {
     assert!(target.draws <= draws + 2, "two draws, solid and clear");
 }
 
+/// The upper part is turned aside, so that both caps show.
+#[test]
+fn a_cut_with_caps() {
+    let cut = |command: fn(Plane) -> EditCommand| {
+        let mut target = Target::new(from_above());
+        let mut app = App::new(scene("heart", 3000).0, 1.0, || 0);
+        target.views = vec![eye(DVec3::new(0.06, 0.14, 0.24))];
+        let plane = Plane::Equation { normal: DVec3::new(0.2, 0.95, 0.25), offset: 0.005 };
+        frame(&mut app, &mut target, 0, vec![command(plane)], &[]);
+        let upper = app.scene.tissues().max_by(|a, b| a.1.bounds().1.y.total_cmp(&b.1.bounds().1.y)).expect("a piece").0;
+        let pose = RigidPose { translation: DVec3::new(0.075, -0.02, 0.01), rotation: DQuat::from_rotation_z(-2.2) };
+        app.scene.tissue_mut(upper).expect("the piece").set_frame(pose);
+        frame(&mut app, &mut target, 1, Vec::new(), &[]);
+        (app.scene.tissues().count(), target.pictures[0].clone())
+    };
+    let (pieces, capped) = cut(EditCommand::CutClosed);
+    assert_eq!(pieces, 2);
+    compare("capped-cut", SIZE, &capped);
+    assert!(difference(&cut(EditCommand::Cut).1, &load("capped-cut")) > TOLERANCE, "the caps must show");
+}
+
 #[test]
 fn a_stereo_pair() {
     let view = |side: f64| ViewPose {
@@ -151,6 +174,37 @@ fn a_stereo_pair() {
     compare("stereo-left", SIZE, &target.pictures[0]);
     compare("stereo-right", SIZE, &target.pictures[1]);
     assert!(difference(&target.pictures[1], &load("stereo-left")) > 2.0 * TOLERANCE, "the eyes differ");
+}
+
+/// Errors of the layer's whole range, made up: from a tenth of a billionth of the diagonal at one end to a hundred thousandth at
+/// the other.
+#[test]
+fn errors_have_their_colours() {
+    let (mut app, mut target) = torn(WallMode::Open, from_above());
+    let picture = |target: &mut Target, app: &App, largest: f64| {
+        let mut lines = Vec::new();
+        for (_, tissue) in app.scene.tissues() {
+            let (low, high) = tissue.bounds();
+            let gpu: Vec<[f32; 3]> = (0..tissue.mesh().vertex_slots())
+                .map(|v| {
+                    let p = tissue.position(VertexId::new(v));
+                    let along = ((p.x - low.x) / (high.x - low.x)).clamp(0.0, 1.0);
+                    // downwards in steps that f32 can hold
+                    let error = if along < 0.3 { 0.0 } else { largest * 10f64.powf(4.0 * (along - 1.0)) };
+                    (p - DVec3::Y * error * tissue.diagonal()).as_vec3().to_array()
+                })
+                .collect();
+            error_points(tissue, &gpu, &mut lines);
+        }
+        let renderer = target.mirror.renderer_mut();
+        let options = DrawOptions { lines: &lines, passes: Passes::Each, ..Default::default() };
+        renderer.draw_views(&target.views, SIZE, &options).expect("drawn");
+        renderer.read_picture(0).expect("read")
+    };
+    frame(&mut app, &mut target, 24, Vec::new(), &[]);
+    let small = picture(&mut target, &app, 1e-9);
+    compare("layer-errors", SIZE, &picture(&mut target, &app, 1e-5));
+    assert!(difference(&small, &load("layer-errors")) > TOLERANCE, "errors that are small look otherwise");
 }
 
 #[test]
@@ -172,7 +226,7 @@ fn every_inspection_layer_shows_and_costs_nothing_when_off() {
         frame(&mut app, &mut target, number, Vec::new(), &[(layer, true)]);
         assert!(target.lines > 0 && target.draws <= draws + 1, "{name}: {} lines, {} draws", target.lines, target.draws);
         if name == "errors" {
-            // Rounding differs between drivers, so the colours do: only that they show.
+            // Rounding differs between drivers, so the colours do: only that they show. See `errors_have_their_colours`.
             assert!(difference(&plain, &target.pictures[0]) > TOLERANCE);
         } else {
             compare(&format!("layer-{name}"), SIZE, &target.pictures[0]);

@@ -100,6 +100,37 @@ fn a_new_pose_uploads_its_joints_only() {
     assert_eq!(results(&renderer, 1), fresh(&model));
 }
 
+/// Particles that move wake what hangs on them and what shares a face with it, and the result is that of a full pass.
+#[test]
+fn a_poke_deforms_only_what_hangs_on_its_particles() {
+    let particles = [(DVec3::X, DVec3::ZERO), (DVec3::NEG_Z, DVec3::ZERO)];
+    let mut model = sphere(24, 1.0).with_particles(&particles, 0.4);
+    let mut renderer = renderer();
+    let whole = frame(&mut renderer, &model, &TissueDirty::Full).workgroups;
+    let mut before = results(&renderer, 1);
+    for (j, u) in [(0, DVec3::new(0.0, -0.03, 0.01)), (0, DVec3::new(0.01, 0.02, 0.0)), (1, DVec3::Z * 0.02), (0, DVec3::ZERO)] {
+        model.displacements[j] = u;
+        model.versions.displacements += 1;
+        let counters = frame(&mut renderer, &model, &clean());
+        assert_eq!(counters.dispatches, 2);
+        assert!(counters.workgroups > 0 && counters.workgroups * 2 < whole, "{} of {whole}", counters.workgroups);
+        let now = results(&renderer, 1);
+        assert!(now != before, "a pass left out would be noticed");
+        assert_eq!(now, fresh(&model));
+        before = now;
+    }
+    // A pose, an edit, or a fade concerns everything.
+    model.versions.pose += 1;
+    assert_eq!(frame(&mut renderer, &model, &clean()).workgroups, whole);
+    split_face(&mut model, FaceId::new(7));
+    let dirty = take_dirty(&mut model);
+    assert!(frame(&mut renderer, &model, &dirty).workgroups >= whole);
+    model.displacements[1] = DVec3::Y * 0.01;
+    model.versions.displacements += 1;
+    assert!(frame(&mut renderer, &model, &clean()).workgroups * 2 < whole, "an edit is taken in");
+    assert_eq!(results(&renderer, 1), fresh(&model));
+}
+
 #[test]
 fn edits_upload_in_proportion_and_give_the_same_bits_as_a_full_upload() {
     let mut renderer = renderer();

@@ -110,7 +110,9 @@ fn an_adapter_without_multiview_draws_stereo_all_the_same() {
     assert!(!plain_context().draws_views_at_once(2, 1));
     let plain = pictures(&mut renderer(plain_context()), &eyes(), &DrawOptions::default());
     let usual = pictures(&mut renderer(context()), &eyes(), &DrawOptions { passes: Passes::Each, ..Default::default() });
-    assert!(plain == usual && difference(&plain[0], &plain[1]) > 2.0);
+    // positions come from the CPU there, with other roundings
+    let off = plain.iter().zip(&usual).map(|(a, b)| difference(a, b)).fold(0.0, f64::max);
+    assert!(off < 0.02 && difference(&plain[0], &plain[1]) > 2.0, "{off}");
 }
 
 #[test]
@@ -334,6 +336,36 @@ fn tissues_out_of_sight_are_not_drawn() {
     pictures(&mut renderer, &[eyes()[0], back], &DrawOptions::default());
     assert_eq!(renderer.take_counters().culled, 0);
     assert!(!renderer.bounds().is_empty() && eyes()[0].may_see(&Bounds { min: DVec3::splat(-0.1), max: DVec3::splat(0.1) }));
+}
+
+/// With a second view that sees the whole bar nothing is left out, so the first view's picture is what it must be.
+#[test]
+fn the_part_of_a_large_model_that_no_view_sees_is_not_drawn() {
+    let near = ViewPose { position: DVec3::new(-0.45, 0.05, 0.35), ..eyes()[0] };
+    let pull = [(DVec3::new(0.42, 0.0, 0.0), DVec3::new(-0.8, 0.1, 0.0))];
+    let mut pulled = bar(24).with_particles(&pull, 0.2);
+    pulled.pose = bend(0.2);
+    let mut still = bar(24);
+    still.pose = bend(0.2);
+    let mut painted = Vec::new();
+    for (name, model) in [("still", still), ("pulled", pulled)] {
+        let mut renderer = Renderer::new(context());
+        renderer.sync(1, &model.view(), &TissueDirty::Full).expect("sync");
+        let options = DrawOptions { passes: Passes::Each, ..Default::default() };
+        renderer.take_counters();
+        let alone = pictures(&mut renderer, &[near, near], &options);
+        let counters = renderer.take_counters();
+        let faces = model.mesh.face_slots() as u64;
+        assert_eq!(counters.culled, 0);
+        if name == "still" {
+            assert!((faces / 8..faces).contains(&counters.faces_culled), "{} of {faces}", counters.faces_culled);
+        }
+        let both = pictures(&mut renderer, &[near, eyes()[0]], &options);
+        assert_eq!(renderer.take_counters().faces_culled, 0, "{name}");
+        assert!(alone[0] == both[0], "{name}");
+        painted.push(alone[0].clone());
+    }
+    assert!(difference(&painted[0], &painted[1]) > 0.5, "what is pulled into the picture from out of sight is drawn");
 }
 
 #[test]

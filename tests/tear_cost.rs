@@ -1,7 +1,8 @@
 //! What a segment of a tear costs follows the wound and not the model (MATHS 5.8): counters, not times.
 
+mod common;
+
 use glam::DVec3;
-use incise::formats::{generate, load};
 use incise::geometry::VertexId;
 use incise::particles::ParticleSettings;
 use incise::physics::NetworkSettings;
@@ -11,9 +12,7 @@ use incise::tissue::{Tissue, TissueSettings};
 
 /// A sphere with about one particle for 80 faces.
 fn sphere(faces: usize) -> Tissue {
-    let file = tempfile::Builder::new().suffix(".glb").tempfile().unwrap();
-    std::fs::write(file.path(), generate("sphere", Some(faces)).unwrap()).unwrap();
-    let model = load(&file.path().to_string_lossy()).unwrap();
+    let model = common::models::model("sphere", faces);
     let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
     let settings = TissueSettings {
         particles: Some(ParticleSettings::for_count(&model.mesh, &rest, faces / 80)),

@@ -54,11 +54,6 @@ impl Stages {
     pub fn total(&self) -> f64 {
         self.rows().iter().fold(0.0, |sum, r| sum + r.1)
     }
-
-    /// Forgets all stages.
-    pub fn clear(&mut self) {
-        self.len = 0;
-    }
 }
 
 #[cfg(test)]

@@ -22,7 +22,8 @@ pub enum AdapterChoice {
 pub struct ContextOptions {
     /// Which adapter to look for.
     pub adapter: AdapterChoice,
-    /// Leaves out everything that the shaders can do without (multiview, timestamps), as on an adapter that lacks it.
+    /// Leaves out everything that we can do without (multiview, timestamps, half the storage buffers of a shader), as on an
+    /// adapter that lacks it.
     pub plain: bool,
 }
 
@@ -72,6 +73,7 @@ impl Context {
         if options.plain {
             descriptor.required_features = wgpu::Features::empty();
             descriptor.required_limits.max_multiview_view_count = 0;
+            descriptor.required_limits.max_storage_buffers_per_shader_stage = FEWEST_STORAGE_BUFFERS;
         }
         let (device, queue) = request(&adapter, &descriptor)?;
         Ok(Self::from_parts(instance, adapter, device, queue))
@@ -89,7 +91,9 @@ impl Context {
     pub fn reopen(&self) -> Result<Self, GpuError> {
         let mut descriptor = device_descriptor(&self.adapter)?;
         descriptor.required_features &= self.device.features();
-        descriptor.required_limits.max_multiview_view_count = self.device.limits().max_multiview_view_count;
+        let limits = self.device.limits();
+        descriptor.required_limits.max_multiview_view_count = limits.max_multiview_view_count;
+        descriptor.required_limits.max_storage_buffers_per_shader_stage = limits.max_storage_buffers_per_shader_stage;
         let (device, queue) = request(&self.adapter, &descriptor)?;
         Ok(Self::from_parts(self.instance.clone(), self.adapter.clone(), device, queue))
     }
@@ -132,6 +136,11 @@ impl Context {
     /// Counts a pipeline that was compiled.
     pub(crate) fn note_pipeline(&self) {
         self.pipelines.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// True if shaders may read enough buffers for the deform pass; else the CPU deforms ([`super::cpu_deform`]).
+    pub fn deforms(&self) -> bool {
+        self.device.limits().max_storage_buffers_per_shader_stage >= DEFORM_STORAGE_BUFFERS
     }
 
     /// Samples a pixel of our own pictures: 4 where the adapter has them, else 1.
@@ -184,9 +193,14 @@ impl Context {
     }
 }
 
-/// What our shaders need of an adapter: the WebGPU defaults, 8 storage buffers a stage among them.
+/// Storage buffers that the normals shader reads and writes; those of the deform shader are fewer.
+const DEFORM_STORAGE_BUFFERS: u32 = 8;
+/// What drawing needs a stage, and what every Vulkan adapter has.
+const FEWEST_STORAGE_BUFFERS: u32 = 4;
+
+/// What we cannot do without: the WebGPU defaults, but for storage buffers, of which drawing needs half as many a stage.
 pub fn required_limits() -> wgpu::Limits {
-    wgpu::Limits::defaults()
+    wgpu::Limits { max_storage_buffers_per_shader_stage: FEWEST_STORAGE_BUFFERS, ..wgpu::Limits::defaults() }
 }
 
 /// What is used where an adapter has it: stereo in one pass, and times on the GPU.
@@ -209,6 +223,7 @@ pub fn device_descriptor(adapter: &wgpu::Adapter) -> Result<wgpu::DeviceDescript
     limits.max_buffer_size = has.max_buffer_size;
     limits.max_storage_buffer_binding_size = has.max_storage_buffer_binding_size;
     limits.max_multiview_view_count = has.max_multiview_view_count;
+    limits.max_storage_buffers_per_shader_stage = has.max_storage_buffers_per_shader_stage.min(DEFORM_STORAGE_BUFFERS);
     Ok(wgpu::DeviceDescriptor {
         label: Some("incise"),
         required_features: adapter.features() & wanted_features(),

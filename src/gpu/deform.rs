@@ -86,11 +86,14 @@ impl DeformPass {
         self.stages[0].work.items.is_empty()
     }
 
-    /// Adds a tissue.
-    pub fn add(&mut self, tissue: u32, vertices: u32, wedges: u32) {
-        for (stage, count) in self.stages.iter_mut().zip([vertices, wedges]) {
-            stage.work.items.extend((0..count).step_by(GROUP as usize).map(|first| WorkItem { tissue, first }));
-        }
+    /// Adds a workgroup: the tissue's vertices from `first` on to stage 0, or wedges to stage 1.
+    pub fn add(&mut self, stage: usize, tissue: u32, first: u32) {
+        self.stages[stage].work.items.push(WorkItem { tissue, first });
+    }
+
+    /// Workgroups of both stages.
+    pub fn groups(&self) -> u64 {
+        self.stages.iter().map(|s| s.work.items.len() as u64).sum()
     }
 
     /// Encodes all uploads noted so far and the work that was added. `table` is the tissue table and a number that changes when

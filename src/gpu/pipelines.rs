@@ -74,9 +74,11 @@ impl PipelineFamily {
         if self.made.iter().all(|m| m.0 != key) {
             let multiview = key.views > 1;
             let module = self.modules[usize::from(multiview)].get_or_insert_with(|| {
+                let text = types::shader_for(self.shape.shader, multiview);
+                let text = if context.deforms() { text } else { types::with_uniform_table(&text) };
                 context.device().create_shader_module(wgpu::ShaderModuleDescriptor {
                     label: Some(self.shape.shader),
-                    source: wgpu::ShaderSource::Wgsl(types::shader_for(self.shape.shader, multiview)),
+                    source: wgpu::ShaderSource::Wgsl(text),
                 })
             });
             let pipeline = build(context, &self.shape, &self.layout, module, key);

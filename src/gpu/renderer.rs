@@ -20,7 +20,7 @@ use super::targets::{PassKind, Passes, Picture, RenderTarget, TargetPool};
 use super::timing::{GpuTimes, Timer};
 use super::tissue_pass::TissuePass;
 use super::tissue_store::{GpuTissue, MAX_TISSUES};
-use super::types::{DISPLACED, FADING, ROTATED, SKINNED, TissueRecord};
+use super::types::{DISPLACED, FADING, ROTATED, SKINNED, TissueRecord, UNIFORM_TISSUES};
 use super::view::{TissueDirty, TissueView};
 use super::views::{ViewPose, ViewSet, check_views};
 use std::collections::BTreeMap;
@@ -31,12 +31,16 @@ use std::sync::Arc;
 pub struct GpuCounters {
     /// Compute dispatches.
     pub dispatches: u64,
+    /// Workgroups of 64 vertices or wedges that were dispatched.
+    pub workgroups: u64,
     /// Draw calls, those of the shadow pass included.
     pub draws: u64,
     /// Bytes sent to the GPU.
     pub bytes_uploaded: u64,
     /// Tissues that no view could see and that were not drawn.
     pub culled: u64,
+    /// Face slots that no view could see and that were left out, those of such tissues among them.
+    pub faces_culled: u64,
     /// Pipelines compiled: a hitch each, so none once a host is under way.
     pub pipelines: u64,
 }
@@ -62,7 +66,8 @@ pub struct Renderer {
     context: Arc<Context>,
     arenas: Arenas,
     materials: Materials,
-    deform: DeformPass,
+    /// None where the CPU deforms.
+    deform: Option<DeformPass>,
     stage: Stage,
     tissue_pass: TissuePass,
     lines: LinePass,
@@ -89,7 +94,7 @@ impl Renderer {
         Self {
             arenas: Arenas::new(&context),
             materials: Materials::new(&context),
-            deform: DeformPass::new(&context),
+            deform: context.deforms().then(|| DeformPass::new(&context)),
             tissue_pass: TissuePass::new(&context, &stage),
             lines: LinePass::new(&context, &stage),
             instruments: InstrumentPass::new(&context, &stage),
@@ -197,19 +202,27 @@ impl Renderer {
 
     fn run_deform(&mut self, encoder: &mut wgpu::CommandEncoder, timed: bool) -> bool {
         self.upload_table();
-        self.deform.begin();
+        let Some(deform) = &mut self.deform else {
+            let before = self.bytes_counted;
+            self.flush(encoder);
+            if self.bytes_counted != before {
+                self.shadow_of = None;
+            }
+            return false;
+        };
+        deform.begin();
         let mut variant = Variant::default();
-        for tissue in self.tissues.values_mut().filter(|t| t.needs_deform) {
-            let record = &tissue.record;
-            self.deform.add(record.slot, record.vertex_count, record.wedge_count);
+        for tissue in self.tissues.values_mut().filter(|t| t.needs_deform()) {
+            let record = tissue.record;
+            tissue.work(|stage, first| deform.add(stage, record.slot, first));
             variant.skinned |= record.flags & SKINNED != 0;
             variant.displaced |= record.flags & (DISPLACED | FADING) != 0;
             variant.rotated |= record.flags & ROTATED != 0;
-            tissue.needs_deform = false;
         }
         let table = self.table.buffer();
-        let times = if timed && !self.deform.is_idle() { self.timer.compute("deform") } else { None };
-        let dispatches = self.deform.encode(&self.context, encoder, &mut self.arenas, table, variant, times);
+        let times = if timed && !deform.is_idle() { self.timer.compute("deform") } else { None };
+        self.counters.workgroups += deform.groups();
+        let dispatches = deform.encode(&self.context, encoder, &mut self.arenas, table, variant, times);
         self.counters.dispatches += dispatches;
         self.flush(encoder);
         if dispatches > 0 {
@@ -302,15 +315,15 @@ impl Renderer {
     }
 
     fn prepare_tissues(&mut self, views: &[ViewPose]) {
-        let mut culled = 0;
-        let faces = self.tissues.values().map(|tissue| {
-            let bounds = tissue.posed_bounds();
-            let seen = views.iter().any(|v| v.may_see(&bounds));
-            culled += u64::from(!seen);
-            (tissue.faces(), seen)
-        });
-        self.tissue_pass.prepare(&self.context, &self.arenas, self.table.buffer(), &self.materials, faces);
-        self.counters.culled += culled;
+        self.tissue_pass.begin();
+        for tissue in self.tissues.values_mut() {
+            let (first, count) = tissue.faces();
+            self.tissue_pass.add(first..first + count);
+            let unseen = tissue.visible_faces(views, |slots| self.tissue_pass.add_seen(slots));
+            self.counters.culled += u64::from(unseen == count);
+            self.counters.faces_culled += u64::from(unseen);
+        }
+        self.tissue_pass.prepare(&self.context, &self.arenas, self.table.buffer(), &self.materials);
     }
 
     /// Times every pass of [`Renderer::encode`] on the GPU from now on, or no longer. False where the adapter cannot.
@@ -377,8 +390,9 @@ impl Renderer {
             return Ok(slot);
         }
         let slot = self.tissues.len();
-        if slot >= MAX_TISSUES {
-            return Err(GpuError::BadView(format!("{MAX_TISSUES} tissues are the most")));
+        let most = if self.context.deforms() { MAX_TISSUES } else { UNIFORM_TISSUES };
+        if slot >= most {
+            return Err(GpuError::BadView(format!("{most} tissues are the most on this adapter")));
         }
         Ok(slot as u32)
     }

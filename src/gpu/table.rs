@@ -2,7 +2,7 @@
 
 use super::belt::Belt;
 use super::context::Context;
-use super::types::TissueRecord;
+use super::types::{TissueRecord, UNIFORM_TISSUES};
 
 /// The records of all tissues.
 #[derive(Debug)]
@@ -14,8 +14,9 @@ pub struct Table {
 }
 
 impl Table {
-    /// Room for some.
+    /// Room for some; for all that there can be where shaders read it as a uniform.
     pub fn new(context: &Context, tissues: usize) -> Self {
+        let tissues = if context.deforms() { tissues } else { UNIFORM_TISSUES };
         Self { records: Vec::new(), dirty: 0..0, buffer: Self::make(context, tissues), generation: 0 }
     }
 
@@ -28,7 +29,7 @@ impl Table {
         context.device().create_buffer(&wgpu::BufferDescriptor {
             label: Some("tissues"),
             size: (tissues * size_of::<TissueRecord>()) as u64,
-            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
             mapped_at_creation: false,
         })
     }

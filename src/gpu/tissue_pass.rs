@@ -5,6 +5,7 @@ use super::context::Context;
 use super::materials::Materials;
 use super::pipelines::{PipelineFamily, PipelineKey, Shape};
 use super::stage::Stage;
+use std::ops::Range;
 
 /// Pipelines and bind groups of the tissues.
 #[derive(Debug)]
@@ -30,7 +31,7 @@ impl TissuePass {
     /// Compiles the pipelines.
     pub fn new(context: &Context, stage: &Stage) -> Self {
         let device = context.device();
-        let entries = layout_entries();
+        let entries = layout_entries(!context.deforms());
         let shadow_entries: Vec<_> = SHADOW_BINDINGS.iter().map(|&b| entries[b as usize]).collect();
         let make_layout = |entries: &[wgpu::BindGroupLayoutEntry]| {
             device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("tissue"), entries })
@@ -58,24 +59,24 @@ impl TissuePass {
         self.tissue.prepare(context, key);
     }
 
-    /// Brings bind groups and runs of faces up to date. `faces`: first slot and number of each tissue, and whether an eye may
-    /// see it.
-    pub fn prepare(
-        &mut self,
-        context: &Context,
-        arenas: &Arenas,
-        table: (&wgpu::Buffer, u64),
-        materials: &Materials,
-        faces: impl Iterator<Item = ((u32, u32), bool)>,
-    ) {
+    /// Begins a new picture, of no faces.
+    pub fn begin(&mut self) {
         self.runs.clear();
         self.all_runs.clear();
-        for ((first, count), seen) in faces.filter(|f| f.0.1 > 0) {
-            self.all_runs.push((first, first + count));
-            if seen {
-                self.runs.push((first, first + count));
-            }
-        }
+    }
+
+    /// All face slots of a tissue of the picture: they throw shadows.
+    pub fn add(&mut self, slots: Range<u32>) {
+        self.all_runs.extend((!slots.is_empty()).then_some((slots.start, slots.end)));
+    }
+
+    /// Face slots that an eye may see.
+    pub fn add_seen(&mut self, slots: Range<u32>) {
+        self.runs.extend((!slots.is_empty()).then_some((slots.start, slots.end)));
+    }
+
+    /// Brings bind groups up to date and closes the lists.
+    pub fn prepare(&mut self, context: &Context, arenas: &Arenas, table: (&wgpu::Buffer, u64), materials: &Materials) {
         merge_runs(&mut self.runs);
         merge_runs(&mut self.all_runs);
         let generation = arenas.generation() + table.1 + materials.generation();
@@ -145,12 +146,19 @@ fn merge_runs(runs: &mut Vec<(u32, u32)>) {
     runs.truncate(kept + 1);
 }
 
-fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 8] {
+/// `uniform_table`: the table of tissues comes as a uniform buffer.
+fn layout_entries(uniform_table: bool) -> [wgpu::BindGroupLayoutEntry; 8] {
     let entry = |binding: u32, visibility, ty| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
     let storage = wgpu::BindingType::Buffer {
         ty: wgpu::BufferBindingType::Storage { read_only: true },
         has_dynamic_offset: false,
         min_binding_size: None,
+    };
+    let table = match uniform_table {
+        true => {
+            wgpu::BindingType::Buffer { ty: wgpu::BufferBindingType::Uniform, has_dynamic_offset: false, min_binding_size: None }
+        }
+        false => storage,
     };
     let textures = wgpu::BindingType::Texture {
         sample_type: wgpu::TextureSampleType::Float { filterable: true },
@@ -158,7 +166,8 @@ fn layout_entries() -> [wgpu::BindGroupLayoutEntry; 8] {
         multisampled: false,
     };
     std::array::from_fn(|b| match b {
-        0..=4 => entry(b as u32, wgpu::ShaderStages::VERTEX, storage),
+        0 => entry(0, wgpu::ShaderStages::VERTEX, table),
+        1..=4 => entry(b as u32, wgpu::ShaderStages::VERTEX, storage),
         5 => entry(5, wgpu::ShaderStages::FRAGMENT, storage),
         6 => entry(6, wgpu::ShaderStages::FRAGMENT, textures),
         _ => entry(7, wgpu::ShaderStages::FRAGMENT, wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),

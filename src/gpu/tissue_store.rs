@@ -2,11 +2,17 @@
 
 use super::arenas::{ArenaKind, Arenas, Slot};
 use super::camera::Bounds;
+use super::clusters::Clusters;
 use super::context::Context;
+use super::cpu_deform::Deformed;
+use super::deform::GROUP;
 use super::error::GpuError;
-use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord};
+use super::groups::Groups;
+use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord, WOUNDED};
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
+use super::views::ViewPose;
 use crate::geometry::{Turn, VertexId};
+use crate::rig::JointMatrix;
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
 
@@ -54,8 +60,10 @@ impl Slots {
 pub struct GpuTissue {
     /// The record as it should be in the table.
     pub record: TissueRecord,
-    /// True until the next deform pass: what was computed is out of date.
-    pub needs_deform: bool,
+    stale: Stale,
+    groups: Groups,
+    /// Displacements as last uploaded.
+    displacements: Vec<DVec3>,
     slots: Slots,
     versions: Option<ViewVersions>,
     /// Fades as uploaded, to find what changed.
@@ -68,7 +76,24 @@ pub struct GpuTissue {
     rotated: bool,
     /// Farthest that a turned particle may carry a vertex.
     largest_turn: f64,
+    /// Length of the longest fade, metres.
+    largest_fade: f64,
     world_from_tissue: DAffine3,
+    clusters: Clusters,
+    /// Joint matrices of the last sync.
+    joints: Vec<JointMatrix>,
+    /// Where the CPU deforms: its scratch.
+    deformed: Deformed,
+}
+
+/// What was computed and is out of date, until the next deform pass.
+#[derive(Debug, Default)]
+struct Stale {
+    /// Everything.
+    all: bool,
+    /// What hangs on these particles.
+    particles: Vec<bool>,
+    any: bool,
 }
 
 /// Rest positions of the vertices each joint moves (the last: of those that no joint moves).
@@ -82,7 +107,9 @@ impl GpuTissue {
     pub fn new(slot: u32) -> Self {
         Self {
             record: TissueRecord { slot, ..Default::default() },
-            needs_deform: true,
+            stale: Stale { all: true, ..Stale::default() },
+            groups: Groups::default(),
+            displacements: Vec::new(),
             slots: Slots::default(),
             versions: None,
             fades: Vec::new(),
@@ -92,8 +119,31 @@ impl GpuTissue {
             largest_displacement: 0.0,
             rotated: false,
             largest_turn: 0.0,
+            largest_fade: 0.0,
             world_from_tissue: DAffine3::IDENTITY,
+            clusters: Clusters::default(),
+            joints: Vec::new(),
+            deformed: Deformed::default(),
         }
+    }
+
+    /// True until the next deform pass if something computed is out of date.
+    pub fn needs_deform(&self) -> bool {
+        self.stale.all || self.stale.any
+    }
+
+    /// Calls `found` with stage (0: vertices, 1: wedges) and first element of every workgroup that has to run, which then is done.
+    pub fn work(&mut self, mut found: impl FnMut(usize, u32)) {
+        let Self { stale, groups, record, .. } = self;
+        if stale.all {
+            for (stage, count) in [record.vertex_count, record.wedge_count].into_iter().enumerate() {
+                (0..count).step_by(GROUP as usize).for_each(|first| found(stage, first));
+            }
+        } else if stale.any {
+            groups.visit(|j| stale.particles.get(j).copied().unwrap_or(true), found);
+        }
+        (stale.all, stale.any) = (false, false);
+        stale.particles.fill(false);
     }
 
     /// Face slots in the face arena: first and number.
@@ -124,9 +174,41 @@ impl GpuTissue {
 
     /// Bounds in the pose of the last sync, world space; wide enough for all displacements.
     pub fn posed_bounds(&self) -> Bounds {
-        let reach = self.largest_displacement + self.largest_turn;
-        let wide = Bounds { min: self.posed.min - reach, max: self.posed.max + reach };
+        self.placed(self.posed, self.largest_displacement + self.largest_turn)
+    }
+
+    /// Bounds of posed positions widened by `reach`, world space.
+    fn placed(&self, posed: Bounds, reach: f64) -> Bounds {
+        let wide = Bounds { min: posed.min - reach, max: posed.max + reach };
         transformed(wide, |p| self.world_from_tissue.transform_point3(p))
+    }
+
+    /// Calls `found` with the slots of the face arena that some view may see. Returns the number of those that none can; all of
+    /// them for a tissue out of sight.
+    pub fn visible_faces(&mut self, views: &[ViewPose], mut found: impl FnMut(Range<u32>)) -> u32 {
+        let Slot { start, len, .. } = self.slots.faces;
+        let bounds = self.posed_bounds();
+        if !views.iter().any(|v| v.may_see(&bounds)) {
+            return len;
+        }
+        if !self.clusters.is_worth_a_look() || views.iter().any(|v| v.sees_whole(&bounds)) {
+            found(start..start + len);
+            return 0;
+        }
+        let reach = self.largest_displacement + self.largest_turn + self.largest_fade;
+        let mut clusters = std::mem::take(&mut self.clusters);
+        let mut seen = 0;
+        let may_see = |posed: Bounds| {
+            let bounds = self.placed(posed, reach);
+            views.iter().any(|v| v.may_see(&bounds))
+        };
+        clusters.visit(&self.joints, may_see, |slots| {
+            let end = slots.end.min(len);
+            seen += end - slots.start;
+            found(start + slots.start..start + end);
+        });
+        self.clusters = clusters;
+        len - seen
     }
 
     /// Gives all ranges back.
@@ -152,10 +234,25 @@ impl GpuTissue {
         };
         self.upload_structure(arenas, view, &ranges);
         self.grow_rest_bounds(view, &ranges.vertices, full);
+        self.clusters.grow(view, clamped(&ranges.faces, self.slots.faces.len), full);
         self.upload_motion(arenas, view);
         self.fill_record(view);
+        if !context.deforms() {
+            self.deform(arenas, view);
+        }
         self.versions = Some(view.versions);
         Ok(())
+    }
+
+    /// The deform pass on the CPU.
+    fn deform(&mut self, arenas: &mut Arenas, view: &TissueView<'_>) {
+        if self.needs_deform() {
+            self.stale = Stale::default();
+            let Self { deformed, slots, .. } = self;
+            deformed.compute(view, self.record.flags & FADING != 0);
+            arenas.upload(ArenaKind::Deformed, slots.positions, 0..deformed.positions.len(), |v| deformed.positions[v]);
+            arenas.upload(ArenaKind::Deformed, slots.normals, 0..deformed.normals.len(), |w| deformed.normals[w]);
+        }
     }
 
     fn reserve(&mut self, context: &Context, arenas: &mut Arenas, view: &TissueView<'_>) -> Result<(), GpuError> {
@@ -181,7 +278,7 @@ impl GpuTissue {
             // What the deform pass writes, it writes anew after a move.
             arenas.resize(context, kind, slot, len, kind != ArenaKind::Deformed)?;
         }
-        self.needs_deform |= before != (self.slots.positions, self.slots.normals);
+        self.stale.all |= before != (self.slots.positions, self.slots.normals);
         Ok(())
     }
 
@@ -213,7 +310,10 @@ impl GpuTissue {
         for range in clamped(&ranges.wedges, slots.wedges.len) {
             arenas.upload(ArenaKind::Wedges, slots.wedges, range, |w| view.mesh.wedges()[w]);
         }
-        self.needs_deform |= arenas.bytes_uploaded() != before;
+        if arenas.bytes_uploaded() != before {
+            self.stale.all = true;
+            self.groups.forget();
+        }
     }
 
     /// Joint matrices, displacements and fades, each only if its version is new.
@@ -226,11 +326,15 @@ impl GpuTissue {
             let row = |k: usize| joints[k / 3].rows[k % 3];
             arenas.upload(ArenaKind::Vectors, self.slots.joints, 0..joints.len() * 3, row);
             self.posed = self.rest_bounds.posed(view);
+            self.joints.clone_from(joints);
+            self.clusters.moved();
         }
         if displacements {
             let vector = |p: usize| view.displacements[p].as_vec3().extend(0.0).to_array();
             arenas.upload(ArenaKind::Vectors, self.slots.displacements, 0..view.displacements.len(), vector);
             self.largest_displacement = view.displacements.iter().map(|u| u.length()).fold(0.0, f64::max);
+            self.stale.all |= pose || fades || rotations;
+            self.note_displaced(view);
         }
         if rotations {
             let vector = |k: usize| {
@@ -246,17 +350,36 @@ impl GpuTissue {
         if fades || self.fades.len() < view.fades.len() {
             self.upload_fades(arenas, view);
         }
-        self.needs_deform |= pose || displacements || fades || rotations;
+        self.stale.all |= pose || fades || rotations;
+    }
+
+    /// Finds the particles whose displacement is another than it was, if that is all that has changed and it is known what hangs on
+    /// them; else everything is out of date.
+    fn note_displaced(&mut self, view: &TissueView<'_>) {
+        let Self { stale, groups, displacements, .. } = self;
+        let known = displacements.len() == view.displacements.len() && view.rotations.is_empty();
+        if known && !stale.all && groups.advance(view) {
+            stale.particles.resize(displacements.len(), false);
+            for ((stale, old), new) in stale.particles.iter_mut().zip(&*displacements).zip(view.displacements) {
+                *stale |= old != new;
+            }
+            stale.any = true;
+        } else {
+            stale.all = true;
+        }
+        displacements.clear();
+        displacements.extend_from_slice(view.displacements);
     }
 
     /// Uploads the fades that differ from those on the GPU.
     fn upload_fades(&mut self, arenas: &mut Arenas, view: &TissueView<'_>) {
         let bits = |f: &[f32; 4]| f.map(f32::to_bits);
-        self.fades_end_s = f64::NEG_INFINITY;
+        (self.fades_end_s, self.largest_fade) = (f64::NEG_INFINITY, 0.0);
         let known = self.fades.len();
         let mut dirty: Option<Range<usize>> = None;
         for (v, fade) in view.fades.iter().enumerate() {
             if fade[..3] != [0.0; 3] {
+                self.largest_fade = self.largest_fade.max(f64::from(fade[0].abs() + fade[1].abs() + fade[2].abs()));
                 self.fades_end_s = self.fades_end_s.max(f64::from(fade[3]) + view.fade_duration_s);
             }
             if v < known && bits(&self.fades[v]) == bits(fade) {
@@ -283,7 +406,7 @@ impl GpuTissue {
         let slots = &self.slots;
         let fading = !view.fades.is_empty() && view.time_s < self.fades_end_s;
         // When the last fade has ended, one more pass takes it off.
-        self.needs_deform |= fading || self.record.flags & FADING != 0;
+        self.stale.all |= fading || self.record.flags & FADING != 0;
         let flag = |on: bool, bit: u32| if on { bit } else { 0 };
         let time_high = if fading { view.time_s as f32 } else { 0.0 };
         let size = view.diagonal;
@@ -308,7 +431,8 @@ impl GpuTissue {
             flags: flag(!view.pose.joint_matrices.is_empty(), SKINNED)
                 | flag(self.largest_displacement > 0.0, DISPLACED)
                 | flag(fading, FADING)
-                | flag(self.rotated, ROTATED | DISPLACED),
+                | flag(self.rotated, ROTATED | DISPLACED)
+                | flag(!view.rows.rows.arena().is_empty(), WOUNDED),
             time_high,
             time_low: if fading { (view.time_s - f64::from(time_high)) as f32 } else { 0.0 },
             fade_duration: view.fade_duration_s as f32,
@@ -370,7 +494,8 @@ fn largest_turn(bounds: Bounds, turns: &[Turn]) -> f64 {
     turns.iter().map(|t| t.size() * away(t)).fold(0.0, f64::max)
 }
 
-fn transformed(bounds: Bounds, transform: impl Fn(DVec3) -> DVec3) -> Bounds {
+/// The box around a moved box; empty stays empty.
+pub fn transformed(bounds: Bounds, transform: impl Fn(DVec3) -> DVec3) -> Bounds {
     if bounds.is_empty() {
         return Bounds::EMPTY;
     }

@@ -59,7 +59,7 @@ gpu_struct!(
         materials: u32,
         /// Materials.
         material_count: u32,
-        /// [`SKINNED`], [`DISPLACED`], [`FADING`], [`ROTATED`].
+        /// [`SKINNED`], [`DISPLACED`], [`FADING`], [`ROTATED`], [`WOUNDED`].
         flags: u32,
         /// Its own position in the table.
         slot: u32,
@@ -93,6 +93,8 @@ pub const DISPLACED: u32 = 2;
 pub const FADING: u32 = 4;
 /// Some particle of the tissue is turned (MATHS 2.1).
 pub const ROTATED: u32 = 8;
+/// Edits have inserted vertices: there may be lips of wounds.
+pub const WOUNDED: u32 = 16;
 
 gpu_struct!(
     /// A topological vertex. Spans are (start, length) in the tissue's term ranges.
@@ -298,6 +300,16 @@ pub fn shader(name: &str) -> &'static str {
 /// How a vertex shader learns which view it draws.
 const VIEW_INDEX: &str = "@builtin(view_index)";
 
+/// Tissues that a uniform buffer holds, on adapters whose vertex shaders may not read the table as storage: 64 KiB, as all have.
+pub const UNIFORM_TISSUES: usize = 448;
+
+const TABLE: &str = "var<storage, read> tissues: array<TissueRecord>";
+
+/// A drawing shader that reads the tissue table from a uniform buffer of [`UNIFORM_TISSUES`].
+pub fn with_uniform_table(text: &str) -> Cow<'static, str> {
+    text.replace(TABLE, &format!("var<uniform> tissues: array<TissueRecord, {UNIFORM_TISSUES}>")).into()
+}
+
 /// [`shader`] for several views a pass, or for one: without multiview the number of the view comes as the instance's.
 pub fn shader_for(name: &str, multiview: bool) -> Cow<'static, str> {
     let text = shader(name);
@@ -410,6 +422,10 @@ mod tests {
                 let valid = Validator::new(ValidationFlags::all(), capabilities).validate(&module);
                 assert!(valid.is_ok(), "{name}: {}", valid.unwrap_err().emit_to_string(&text));
                 assert!(!module.entry_points.is_empty());
+                let few = with_uniform_table(&text);
+                assert_eq!(few != text, ["tissue", "shadow", "deform", "normals"].contains(&name), "{name} reads the table");
+                let valid = Validator::new(ValidationFlags::all(), capabilities).validate(&parse(&few));
+                assert!(valid.is_ok(), "{name}: {}", valid.unwrap_err().emit_to_string(&few));
             }
             assert_eq!(shader(name), text);
         }

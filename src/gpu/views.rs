@@ -135,6 +135,13 @@ impl ViewPose {
             || beyond(|p| p.w < p.z * 0.5))
     }
 
+    /// True if all of the box is in the picture.
+    pub fn sees_whole(&self, bounds: &Bounds) -> bool {
+        let clip = self.clip_from_world();
+        let inside = |p: DVec4| p.x.abs() <= p.w && p.y.abs() <= p.w && p.z <= p.w;
+        !bounds.is_empty() && bounds.corners().iter().all(|c| inside(clip * c.extend(1.0)))
+    }
+
     /// What the shaders are told of a view that fills `size` pixels.
     pub(super) fn record(&self, size: (u32, u32)) -> View {
         let axis = |v: DVec3| (self.rotation * v).as_vec3().extend(0.0).to_array();

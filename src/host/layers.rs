@@ -43,7 +43,7 @@ pub(super) fn layer_lines(view: &FrameView) -> Vec<LineSegment> {
 }
 
 /// How far the GPU's positions lie from the f64 reference: blue at 1e-9 of the diagonal, green in between, red from 1e-6 on.
-pub(super) fn error_points(tissue: &Tissue, gpu: &[[f32; 3]], lines: &mut Vec<LineSegment>) {
+pub fn error_points(tissue: &Tissue, gpu: &[[f32; 3]], lines: &mut Vec<LineSegment>) {
     for v in tissue.mesh().live_vertices() {
         let Some(found) = gpu.get(v.index()) else { continue };
         let wanted = tissue.position(v);

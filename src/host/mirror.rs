@@ -3,6 +3,7 @@
 use super::instruments::Instruments;
 use super::layers;
 use crate::app::{FrameCounters, FrameView};
+use crate::diagnostics::Stages;
 use crate::formats::Material;
 use crate::gpu::{Context, GpuError, LineSegment, MaterialView, Renderer, TextureView, TissueDirty, TissueView, ViewVersions};
 use crate::input::Layer;
@@ -104,6 +105,18 @@ impl Mirror {
         let gpu = self.renderer.take_counters();
         (counters.dispatches, counters.draws) = (gpu.dispatches, gpu.draws);
         (counters.bytes_uploaded, counters.pipelines) = (gpu.bytes_uploaded, gpu.pipelines);
+    }
+
+    /// Times the passes on the GPU from now on, or no longer. What those of a frame took, a few frames ago; empty where nobody asked
+    /// or the adapter cannot tell.
+    pub fn time_passes(&mut self, on: bool) -> Stages {
+        let mut stages = Stages::default();
+        if self.renderer.set_timing(on)
+            && let Some(times) = self.renderer.gpu_times()
+        {
+            times.passes().iter().for_each(|&(name, ms)| stages.add(name, ms));
+        }
+        stages
     }
 
     /// Largest distance between the GPU's positions and the f64 reference over all live vertices, as a fraction of the

@@ -4,7 +4,7 @@
 pub mod desktop;
 pub mod headless;
 mod instruments;
-mod layers;
+pub mod layers;
 pub mod mirror;
 #[cfg(any(feature = "desktop", feature = "vr"))]
 pub mod models;

@@ -38,58 +38,98 @@ pub type Load = Arc<dyn Fn(&Request, Tell) -> Result<Loaded, String> + Send + Sy
 /// Writes a scene to a file.
 pub type Export = fn(&Scene, &Path) -> Result<(), String>;
 
-/// A model that is being loaded behind the user's back, if any.
+/// Called on the loader's thread when there is something to take.
+pub type Wake = Box<dyn Fn() + Send>;
+
+/// What the loader's thread says.
+enum Word {
+    /// It is at this, with this part behind it.
+    Step(&'static str, f32),
+    /// It is done.
+    Done(Box<Result<Loaded, String>>),
+}
+
+/// What has come of a request.
+pub enum Arrival {
+    /// Nothing yet.
+    Nothing,
+    /// The panel has something new to show, but there is no other model.
+    Told,
+    /// A model, and what was asked for.
+    Model(Box<(Request, Loaded)>),
+}
+
+/// Loads models behind the user's back, one at a time; of several wishes the last one counts.
 #[derive(Default)]
 pub struct Loader {
-    coming: Option<Receiver<Result<Loaded, String>>>,
+    coming: Option<(Request, Receiver<Word>)>,
+    next: Option<(Load, Request, Wake)>,
 }
 
 impl Loader {
-    /// Starts to load; `done` is called on the loader's thread when there is an answer. What there is to be told goes to the
-    /// panel.
-    pub fn begin(&mut self, load: &Load, request: Request, done: impl FnOnce() + Send + 'static, panel: &mut PanelState) {
-        if self.coming.is_some() {
-            panel.tell("A model is being loaded already; try again when it is there.");
+    /// Starts to load, or will when the model that is being loaded is there. What there is to be told goes to the panel.
+    pub fn begin(&mut self, load: &Load, request: Request, wake: Wake, panel: &mut PanelState) {
+        if let Some((coming, _)) = &self.coming {
+            if coming.model != request.model {
+                panel.tell(format!("{} is being loaded already; {} comes after it.", coming.model, request.model));
+            }
+            self.next = Some((load.clone(), request, wake));
             return;
         }
         let (sender, receiver) = channel();
-        let (load, spec) = (load.clone(), request.model.clone());
+        let (load, wanted) = (load.clone(), request.clone());
         let begun = std::thread::Builder::new().name("loader".into()).spawn(move || {
-            drop(sender.send(load(&request, &|_, _| {})));
-            done();
+            let say = |word| {
+                drop(sender.send(word));
+                wake();
+            };
+            let done = load(&request, &|what, part| say(Word::Step(what, part)));
+            say(Word::Done(Box::new(done)));
         });
         match begun {
             Ok(_) => {
-                panel.loading = Some(Progress { text: format!("loading {spec}"), part: 0.0 });
-                self.coming = Some(receiver);
+                panel.loading = Some(Progress { text: format!("loading {}", wanted.model), part: 0.0 });
+                self.coming = Some((wanted, receiver));
             }
-            Err(why) => panel.fail(format!("cannot load {spec}: {why}; close other programs and try again")),
+            Err(why) => panel.fail(format!("cannot load {}: {why}; close other programs and try again", wanted.model)),
         }
     }
 
-    /// A model that has come; one that could not be loaded is told of, and the current one stays. The flag says whether an answer
-    /// came at all.
-    pub fn take(&mut self, panel: &mut PanelState) -> (Option<Loaded>, bool) {
-        let Some(receiver) = &self.coming else { return (None, false) };
-        let result = match receiver.try_recv() {
-            Err(TryRecvError::Empty) => return (None, false),
-            Err(TryRecvError::Disconnected) => Err("the loader broke off; this model cannot be used".to_string()),
-            Ok(result) => result,
+    /// Takes what has come. A model that could not be loaded is told of, and the current one stays; one that another wish has
+    /// overtaken is dropped.
+    pub fn take(&mut self, panel: &mut PanelState) -> Arrival {
+        let mut told = false;
+        let result = loop {
+            let Some((wanted, receiver)) = &self.coming else { return Arrival::Nothing };
+            match receiver.try_recv() {
+                Err(TryRecvError::Empty) => return if told { Arrival::Told } else { Arrival::Nothing },
+                Err(TryRecvError::Disconnected) => break Err("the loader broke off; this model cannot be used".to_string()),
+                Ok(Word::Step(what, part)) => {
+                    panel.loading = Some(Progress { text: format!("{}: {what}", wanted.model), part });
+                    told = true;
+                }
+                Ok(Word::Done(result)) => break *result,
+            }
         };
-        self.coming = None;
         panel.loading = None;
-        match result {
-            Ok(loaded) => {
+        let wanted = self.coming.take().map(|(wanted, _)| wanted);
+        if let Some((load, request, wake)) = self.next.take() {
+            self.begin(&load, request, wake, panel);
+            return Arrival::Told;
+        }
+        match (result, wanted) {
+            (Ok(loaded), Some(wanted)) => {
                 panel.notice = None;
                 if !loaded.warnings.is_empty() {
                     panel.tell(loaded.warnings.join("\n"));
                 }
-                (Some(loaded), true)
+                Arrival::Model(Box::new((wanted, loaded)))
             }
-            Err(why) => {
+            (Err(why), _) => {
                 panel.fail(format!("{why}\n\nThe model that was there stays."));
-                (None, true)
+                Arrival::Told
             }
+            (Ok(_), None) => Arrival::Nothing,
         }
     }
 }
@@ -162,31 +202,73 @@ mod tests {
     use super::*;
     use std::time::{Duration, Instant};
 
-    fn answer(loader: &mut Loader, panel: &mut PanelState) -> Option<Loaded> {
-        let start = Instant::now();
-        loop {
+    /// Waits for the end of what is being loaded; the model that came, and the progress that was told meanwhile.
+    fn answer(loader: &mut Loader, panel: &mut PanelState) -> (Option<Loaded>, Vec<String>) {
+        let (start, mut told) = (Instant::now(), Vec::new());
+        while start.elapsed() < Duration::from_secs(60) {
             match loader.take(panel) {
-                (loaded, true) => return loaded,
-                _ if start.elapsed() > Duration::from_secs(60) => panic!("no answer"),
-                _ => std::thread::yield_now(),
+                Arrival::Model(came) => return (Some(came.1), told),
+                Arrival::Told => match &panel.loading {
+                    Some(progress) => told.push(format!("{} {}", progress.text, progress.part)),
+                    None => return (None, told),
+                },
+                Arrival::Nothing => std::thread::yield_now(),
             }
         }
+        panic!("no answer")
     }
 
     #[test]
     fn a_model_that_cannot_be_loaded_leaves_what_was_there_and_says_so() {
         let (mut loader, mut panel) = (Loader::default(), PanelState::default());
-        let request = Request { model: "nowhere.glb".into(), config: Config::default(), spacing: None };
-        let fails: Load = Arc::new(|request, _| Err(format!("{}: no such file", request.model)));
+        let request = |model: &str| Request { model: model.into(), config: Config::default(), spacing: None };
+        let (open_gate, gate) = channel::<()>();
+        let gate = std::sync::Mutex::new(gate);
+        let fails: Load = Arc::new(move |request, tell| {
+            tell("reading", 0.25);
+            gate.lock().expect("one thread").recv().expect("let on");
+            Err(format!("{}: no such file", request.model))
+        });
         let (told, called) = channel();
-        loader.begin(&fails, request.clone(), move || told.send(()).unwrap_or_default(), &mut panel);
+        let wake = || -> Wake {
+            let told = told.clone();
+            Box::new(move || told.send(()).unwrap_or_default())
+        };
+        loader.begin(&fails, request("nowhere.glb"), wake(), &mut panel);
         assert_eq!(panel.loading.as_ref().map(|p| p.text.as_str()), Some("loading nowhere.glb"));
-        loader.begin(&fails, request, || (), &mut panel);
-        assert!(panel.notice.take().is_some_and(|n| n.text.contains("already")), "one at a time");
-        assert!(answer(&mut loader, &mut panel).is_none() && panel.loading.is_none());
-        assert!(panel.notice.is_some_and(|n| n.error && n.text.contains("no such file") && n.text.contains("stays")));
-        assert!(called.recv_timeout(Duration::from_secs(10)).is_ok(), "the host is woken");
-        assert!(!loader.take(&mut PanelState::default()).1, "one answer a request");
+        assert!(called.recv_timeout(Duration::from_secs(60)).is_ok(), "the host is woken for a step");
+        assert!(matches!(loader.take(&mut panel), Arrival::Told));
+        assert_eq!(panel.loading, Some(Progress { text: "nowhere.glb: reading".into(), part: 0.25 }));
+        assert!(matches!(loader.take(&mut panel), Arrival::Nothing), "each word once");
+        for model in ["there.glb", "elsewhere.glb"] {
+            loader.begin(&fails, request(model), wake(), &mut panel);
+            assert!(panel.notice.take().is_some_and(|n| n.text.contains("already") && n.text.contains(model)), "one at a time");
+        }
+        loader.begin(&fails, request("nowhere.glb"), wake(), &mut panel);
+        assert!(panel.notice.is_none(), "the same model with other settings is no news");
+        loader.begin(&fails, request("elsewhere.glb"), wake(), &mut panel);
+        panel.notice = None;
+        (0..2).for_each(|_| open_gate.send(()).expect("the loader waits"));
+        let (loaded, told) = answer(&mut loader, &mut panel);
+        assert!(loaded.is_none() && panel.loading.is_none());
+        assert!(told.iter().all(|t| !t.contains("there.glb: ") || t.contains("elsewhere")), "overtaken: {told:?}");
+        let notice = panel.notice.take().expect("an error");
+        assert!(
+            notice.error && notice.text.contains("elsewhere.glb: no such file") && notice.text.contains("stays"),
+            "{notice:?}"
+        );
+        assert!(called.recv_timeout(Duration::from_secs(60)).is_ok(), "the host is woken for an answer");
+        assert!(matches!(loader.take(&mut panel), Arrival::Nothing), "one answer a request");
+    }
+
+    #[test]
+    fn a_loader_that_panics_is_an_error() {
+        let (mut loader, mut panel) = (Loader::default(), PanelState::default());
+        let request = Request { model: "odd.glb".into(), config: Config::default(), spacing: None };
+        let breaks: Load = Arc::new(|_, _| panic!("on purpose"));
+        loader.begin(&breaks, request, Box::new(|| ()), &mut panel);
+        assert!(answer(&mut loader, &mut panel).0.is_none() && panel.loading.is_none());
+        assert!(panel.notice.is_some_and(|n| n.error && n.text.contains("broke off")));
     }
 
     #[test]

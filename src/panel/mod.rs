@@ -187,6 +187,40 @@ mod tests {
     }
 
     #[test]
+    fn counters_stand_over_the_picture_and_cost_nothing_when_off() {
+        let mut panel = Panel::new();
+        let mut state = PanelState::default();
+        let mut stages = crate::diagnostics::Stages::default();
+        stages.add("draw", 1.5);
+        state.note_frame(stages, [("dispatches", 2); 8]);
+        let size = [WIDTH + 600.0, 800.0];
+        let mut triangles = |state: &mut PanelState| {
+            let mut count = 0;
+            for _ in 0..3 {
+                let screen_rect = Some(egui::Rect::from_min_size(egui::Pos2::ZERO, size.into()));
+                let mut frame = panel.run(egui::RawInput { screen_rect, ..Default::default() }, state);
+                frame.textures.clear();
+                count = frame.jobs.iter().filter(|job| job.clip_rect.right() > WIDTH + 1.0).map(triangles_of).sum();
+                assert!(frame.actions.is_empty() && (!state.counters_shown || frame.canvas[0] >= WIDTH - 10.0));
+            }
+            count
+        };
+        let off = triangles(&mut state);
+        state.counters_shown = true;
+        let on = triangles(&mut state);
+        state.counters_shown = false;
+        assert!(on > off + 100, "{on} triangles beside {off}");
+        assert_eq!(triangles(&mut state), off);
+    }
+
+    fn triangles_of(job: &egui::ClippedPrimitive) -> usize {
+        match &job.primitive {
+            egui::epaint::Primitive::Mesh(mesh) => mesh.indices.len() / 3,
+            egui::epaint::Primitive::Callback(_) => 0,
+        }
+    }
+
+    #[test]
     fn a_panel_that_is_only_looked_at_changes_no_setting() {
         let mut panel = Panel::new();
         let mut state = PanelState { diagonal: 0.164_234_567, tilt: 0.123_456_7, speed: 7.0, ..PanelState::default() };

@@ -20,7 +20,7 @@ const LAYERS: [(Layer, &str, &str); 8] = [
 ];
 
 /// Keys and mouse, as the help shows them.
-pub const HELP: [(&str, &str); 22] = [
+pub const HELP: [(&str, &str); 23] = [
     ("Left drag on the tissue", "tear"),
     ("... and the wheel", "depth of the blade"),
     ("... with Shift and the wheel, or Q / E", "lean of the blade"),
@@ -38,6 +38,7 @@ pub const HELP: [(&str, &str); 22] = [
     ("P, N", "pause, single step"),
     ("F", "frame the model"),
     ("Ctrl+O", "open a model (or drop a file)"),
+    ("F3", "counters and times over the picture"),
     ("F12, F10", "screenshot, record"),
     ("F11", "full screen"),
     ("Tab", "show or hide the panel"),
@@ -358,11 +359,33 @@ fn timing(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
             }
         });
     }
+    let hint = "Counters, stages on the CPU and passes on the GPU, over the picture (F3)";
+    ui.checkbox(&mut state.counters_shown, "Counters over the picture").on_hover_text(hint);
     let mut vsync = state.vsync;
     if !state.in_room && ui.checkbox(&mut vsync, "Wait for the display").on_hover_text("Vertical synchronisation").changed() {
         actions.push(PanelAction::Vsync(vsync));
     }
     ui.small(&state.adapter);
+}
+
+/// What the last frame cost, in the upper right corner.
+fn counters(ui: &mut Ui, free: egui::Rect, state: &PanelState) {
+    let area = egui::Area::new(egui::Id::unique("counters")).order(egui::Order::Middle).interactable(false);
+    area.pivot(egui::Align2::RIGHT_TOP).fixed_pos(free.right_top() + egui::vec2(-12.0, 12.0)).show(ui.ctx(), |ui| {
+        egui::Frame::new().fill(Color32::from_black_alpha(170)).corner_radius(4.0).inner_margin(8.0).show(ui, |ui| {
+            egui::Grid::new("counters").num_columns(2).spacing([16.0, 1.0]).show(ui, |ui| {
+                let mut row = |name: &str, value: String| {
+                    ui.small(name);
+                    ui.label(RichText::new(value).small().monospace());
+                    ui.end_row();
+                };
+                row("frame, CPU", format!("{:.3} ms", state.stages.total()));
+                state.stages.rows().iter().for_each(|&(name, ms)| row(name, format!("{ms:.3} ms")));
+                state.gpu_stages.rows().iter().for_each(|&(name, ms)| row(&format!("{name}, GPU"), format!("{ms:.3} ms")));
+                state.counters.iter().for_each(|&(name, count)| row(name, count.to_string()));
+            });
+        });
+    });
 }
 
 /// Milliseconds of the last frames as bars; the line is 1/90 s.
@@ -430,6 +453,9 @@ pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
         let paint = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Foreground, egui::Id::unique("hovered")));
         paint.rect_filled(free, 0.0, Color32::from_black_alpha(150));
         paint.text(free.center(), egui::Align2::CENTER_CENTER, text, egui::FontId::proportional(20.0), Color32::WHITE);
+    }
+    if state.counters_shown {
+        counters(ui, free, state);
     }
     if state.help {
         let mut open = true;

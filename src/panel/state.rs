@@ -146,6 +146,12 @@ pub struct PanelState {
     pub adapter: String,
     /// Stages of the last frame.
     pub stages: Stages,
+    /// Counters and times stand over the picture.
+    pub counters_shown: bool,
+    /// Counters of the last frame, by name.
+    pub counters: [(&'static str, u64); 8],
+    /// What the passes took on the GPU, a few frames ago; none where the adapter cannot tell or nobody looks.
+    pub gpu_stages: Stages,
     /// Total milliseconds of the last frames, oldest first.
     pub frame_ms: VecDeque<f32>,
     /// The last edit in words.
@@ -188,6 +194,9 @@ impl Default for PanelState {
             vsync: true,
             adapter: String::new(),
             stages: Stages::default(),
+            counters_shown: false,
+            counters: [("", 0); 8],
+            gpu_stages: Stages::default(),
             frame_ms: VecDeque::new(),
             last_edit: String::new(),
             table: Vec::new(),
@@ -199,8 +208,9 @@ impl Default for PanelState {
 const PLOTTED: usize = 120;
 
 impl PanelState {
-    /// Adds a frame to the plot.
-    pub fn note_frame(&mut self, stages: Stages) {
+    /// Adds a frame to the plot, with its counters.
+    pub fn note_frame(&mut self, stages: Stages, counters: [(&'static str, u64); 8]) {
+        self.counters = counters;
         if self.frame_ms.len() == PLOTTED {
             self.frame_ms.pop_front();
         }

@@ -14,7 +14,6 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use parry3d::bounding_volume::Aabb;
 use parry3d::partitioning::Bvh;
-use std::ops::Range;
 use thiserror::Error;
 
 /// One strip: the quad that the blade swept between two samples, in rest space.
@@ -79,6 +78,8 @@ pub struct Strips {
     /// Bounds of every [`GROUP`] strips.
     groups: Vec<(DVec3, DVec3)>,
     bvh: Bvh,
+    /// Largest [`StripGeometry::margin`] of all strips that ever were, metres.
+    largest_margin: f64,
     /// Derived from mesh and particle map by the updates; not hashed.
     pub(super) places: Places,
 }
@@ -262,11 +263,6 @@ impl Strips {
         self.geometry[k].crosses_link(end(a), end(b))
     }
 
-    /// True if the link between two vertices crosses one of `range`.
-    pub fn crosses_any(&self, range: Range<usize>, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
-        range.into_iter().any(|k| self.crosses(k, rest, a, b))
-    }
-
     /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.
     pub(super) fn code_of_anchor(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
         let code = self.geometry[k].outcode(rest[v.index()]);
@@ -331,9 +327,9 @@ impl Strips {
         a.max(b).cmplt(low).any() || a.min(b).cmpgt(high).any()
     }
 
-    /// Largest [`StripGeometry::margin`] of all strips, metres.
+    /// At least the largest [`StripGeometry::margin`] of all strips, metres.
     pub(super) fn largest_margin(&self) -> f64 {
-        self.geometry.iter().map(|g| g.margin).fold(0.0, f64::max)
+        self.largest_margin
     }
 
     /// Prepares for updates of this mesh and map: the first update would do it, in one pass over the model; done at
@@ -350,8 +346,16 @@ impl Strips {
         let known = self.lips.rows();
         let row = |v: &VertexId| (v.index() < known).then(|| v.index());
         let lips = if known > 0 { self.lips.gather(vertices.iter().map(row), |lip| *lip) } else { SlotCsr::default() };
-        let Self { geometry, along, groups, bvh, .. } = self.clone();
-        Self { strips: self.strips.to_vec().into(), lips, geometry, along, groups, bvh, ..Self::default() }
+        Self {
+            strips: self.strips.to_vec().into(),
+            lips,
+            geometry: self.geometry.clone(),
+            along: self.along.clone(),
+            groups: self.groups.clone(),
+            bvh: self.bvh.clone(),
+            largest_margin: self.largest_margin,
+            ..Self::default()
+        }
     }
 
     /// Takes over the wound marks of `whole` that name a particle of this piece. `particles[new]` is the old particle of each
@@ -474,6 +478,7 @@ impl Strips {
             let strip = &self.strips[k];
             let geometry = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
             self.bvh.insert(aabb(geometry.low, geometry.high), k as u32);
+            self.largest_margin = self.largest_margin.max(geometry.margin);
             self.geometry.push(geometry);
             let [tip0, tip1, base1, base0] = strip.corners.map(DVec3::from_array);
             let length = 0.5 * (tip0.distance(tip1) + base0.distance(base1));

@@ -27,10 +27,15 @@ impl Fades {
 
     /// Weight of a fade that began at `start`: a smoothstep from 1 to 0.
     pub fn alpha(&self, start: f32, time_s: f64) -> f64 {
-        if self.duration_s <= 0.0 {
-            return 1.0;
+        if self.duration_s <= 0.0 { 1.0 } else { Self::weight(start, time_s, self.duration_s) }
+    }
+
+    /// [`Fades::alpha`] of a fade that takes `duration_s`; 0 if that is no time.
+    pub fn weight(start: f32, time_s: f64, duration_s: f64) -> f64 {
+        if duration_s <= 0.0 {
+            return 0.0;
         }
-        let x = ((time_s - f64::from(start)) / self.duration_s).clamp(0.0, 1.0);
+        let x = ((time_s - f64::from(start)) / duration_s).clamp(0.0, 1.0);
         1.0 - x * x * (3.0 - 2.0 * x)
     }
 

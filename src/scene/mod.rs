@@ -102,11 +102,6 @@ impl Scene {
         self.changes.as_mut().map(std::mem::take).unwrap_or_default()
     }
 
-    /// The tool settings.
-    pub fn settings_mut(&mut self) -> &mut SceneSettings {
-        &mut self.settings
-    }
-
     /// Boxes of the last stroke, in model space, tissue by tissue.
     pub fn last_tear_boxes(&self) -> &[TearBox] {
         &self.last_boxes

@@ -25,7 +25,7 @@ impl Tissue {
 
     /// The index of the material of caps, made when first asked for. UVs there are metres in the plane.
     pub(super) fn cap_material(&mut self) -> u32 {
-        self.own_material("cap", [0.36, 0.035, 0.03, 1.0])
+        self.own_material("cap", [0.19, 0.022, 0.021, 1.0])
     }
 
     fn own_material(&mut self, name: &str, base_colour: [f32; 4]) -> u32 {

@@ -14,6 +14,7 @@ pub enum KeyCommand {
     ToggleRecord,
     /// Shows or hides the table of keys.
     ToggleHelp,
+    ToggleCounters,
     /// Shows or hides the panel.
     TogglePanel,
     /// Fills the screen, or no more.
@@ -43,6 +44,7 @@ pub fn command(key: &Key, ctrl: bool, shift: bool) -> Option<KeyCommand> {
         Key::Named(NamedKey::Escape) => Cancel,
         Key::Named(NamedKey::Tab) => TogglePanel,
         Key::Named(NamedKey::F1) => ToggleHelp,
+        Key::Named(NamedKey::F3) => ToggleCounters,
         Key::Named(NamedKey::F10) => ToggleRecord,
         Key::Named(NamedKey::F11) => ToggleFullScreen,
         Key::Named(NamedKey::F12) => Panel(P::Screenshot),

@@ -177,6 +177,10 @@ pub struct WindowTarget<'a> {
     pub shot: Option<Shot>,
     /// The window is told just before it is shown.
     pub window: &'a Window,
+    /// The passes are to be timed on the GPU.
+    pub times_passes: bool,
+    /// What they took a few frames ago.
+    pub passes: Stages,
 }
 
 impl FrameTarget for WindowTarget<'_> {
@@ -185,8 +189,12 @@ impl FrameTarget for WindowTarget<'_> {
     fn present(&mut self, view: &FrameView, stages: &mut Stages, counters: &mut FrameCounters) -> Result<(), GpuError> {
         let screen = &mut *self.screen;
         let Some(frame) = self.frame.take() else { return Ok(()) };
+        self.passes = screen.mirror.time_passes(self.times_passes);
         stages.time("upload", || screen.mirror.sync(view))?;
-        stages.time("deform", || screen.mirror.renderer_mut().deform())?;
+        if !self.times_passes {
+            // else it goes with the picture, where it is timed like the other passes
+            stages.time("deform", || screen.mirror.renderer_mut().deform())?;
+        }
         stages.time("draw", || {
             let mut lines = screen.mirror.layer_lines(view);
             lines.append(&mut self.lines);

@@ -6,13 +6,12 @@ use super::{Loaded, Request, Setup};
 use crate::app::{App, FrameReport};
 use crate::gpu::{Bounds, Camera};
 use crate::host::headless::visible_bounds;
-use crate::host::models;
+use crate::host::models::{self, Arrival, Loader, Wake};
 use crate::input::tools::{OrbitCamera, PointerTools, Preview, ToolSettings};
 use crate::input::{CameraPose, InputFrame};
-use crate::panel::{PanelAction, PanelState, Progress, TimingRow};
+use crate::panel::{PanelAction, PanelState, TimingRow};
 use crate::scene::{EditCommand, EditReport};
 use glam::DVec3;
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::time::Instant;
 
 /// Longest step, seconds: a slow frame slows the scene down rather than tearing it apart.
@@ -33,17 +32,6 @@ pub enum Wish {
     Vsync(bool),
 }
 
-/// Wakes the window's loop from another thread.
-pub type Wake = Box<dyn Fn() + Send>;
-
-/// What the loader says.
-enum Word {
-    /// It is at this, with this part behind it.
-    Step(&'static str, f32),
-    /// It is done.
-    Done(Box<Result<Loaded, String>>),
-}
-
 /// A running window's insides.
 pub struct Session {
     /// Scene and clock.
@@ -57,10 +45,8 @@ pub struct Session {
     /// Everything on the GPU is of a scene that is gone.
     pub scene_changed: bool,
     setup: Setup,
-    /// The model that is being loaded.
-    loading: Option<(Request, Receiver<Word>)>,
-    /// What is to be loaded once the loader is free: the last wish counts.
-    next: Option<Request>,
+    loader: Loader,
+    /// Makes what wakes the window's loop from another thread.
     wake: Box<dyn Fn() -> Wake>,
     input: InputFrame,
     time_s: f64,
@@ -93,8 +79,7 @@ impl Session {
             wishes: Vec::new(),
             scene_changed: true,
             setup,
-            loading: None,
-            next: None,
+            loader: Loader::default(),
             wake,
             input: InputFrame::default(),
             time_s: 0.0,
@@ -229,7 +214,7 @@ impl Session {
             let made: Vec<DVec3> = self.inserted.iter().filter(|(id, _)| !before.contains_key(id)).map(|(_, p)| *p).collect();
             self.strokes.extend(traces.iter().map(|trace| StrokeNote::new(trace, &made, self.frame_count, origin)));
         }
-        self.panel.note_frame(report.stages);
+        self.panel.note_frame(report.stages, report.counters.rows());
         if self.setup.record {
             self.frames.push(FrameNote { at_s: self.setup.started.elapsed().as_secs_f64(), report });
         }
@@ -318,73 +303,30 @@ impl Session {
         settings.width = panel.config.tear.width * panel.diagonal;
     }
 
-    /// Begins to load a model, or will when the one that is being loaded is there.
     fn load(&mut self, request: Request) {
-        if self.loading.is_some() {
-            self.next = Some(request);
-            return;
-        }
-        let (sender, receiver) = channel();
-        let (load, wake) = (self.setup.load.clone(), (self.wake)());
-        let (name, wanted) = (request.model.clone(), request.clone());
-        let begun = std::thread::Builder::new().name("loader".into()).spawn(move || {
-            let say = |word| {
-                drop(sender.send(word));
-                wake();
-            };
-            let done = load(&request, &|what, part| say(Word::Step(what, part)));
-            say(Word::Done(Box::new(done)));
-        });
-        match begun {
-            Ok(_) => {
-                self.panel.loading = Some(Progress { text: name, part: 0.0 });
-                self.loading = Some((wanted, receiver));
-            }
-            Err(why) => self.panel.fail(format!("cannot load {name}: {why}; close other programs and try again")),
-        }
+        self.loader.begin(&self.setup.load, request, (self.wake)(), &mut self.panel);
     }
 
     /// Takes a model that has been loaded meanwhile. A broken one leaves the current one in place.
     pub fn take_loaded(&mut self, size: [f64; 2]) {
-        while let Some((wanted, receiver)) = &self.loading {
-            let result = match receiver.try_recv() {
-                Err(TryRecvError::Empty) => return,
-                Err(TryRecvError::Disconnected) => Err("the loader broke off; this model cannot be used".to_string()),
-                Ok(Word::Step(what, part)) => {
-                    if let Some(progress) = &mut self.panel.loading {
-                        progress.text = format!("{}: {what}", wanted.model);
-                        progress.part = part;
-                    }
-                    self.dirty = true;
-                    continue;
-                }
-                Ok(Word::Done(result)) => *result,
-            };
-            let again = wanted.spacing.is_some();
-            (self.loading, self.panel.loading) = (None, None);
-            self.dirty = true;
-            if let Some(next) = self.next.take() {
-                self.load(next); // what has come is no longer wanted
-                return;
-            }
-            match result {
-                Err(why) => self.panel.fail(format!("{why}\n\nThe model that was there stays.")),
-                Ok(loaded) => self.show(loaded, again, size),
+        match self.loader.take(&mut self.panel) {
+            Arrival::Nothing => return,
+            Arrival::Told => {}
+            Arrival::Model(came) => {
+                let (wanted, loaded) = *came;
+                self.show(loaded, wanted.spacing.is_some(), size);
             }
         }
+        self.dirty = true;
     }
 
     /// Shows a model; `again` is the one that is there with other particles, which is seen from where it was and goes on moving.
-    fn show(&mut self, Loaded { scene, name, warnings }: Loaded, again: bool, size: [f64; 2]) {
+    fn show(&mut self, Loaded { scene, name, .. }: Loaded, again: bool, size: [f64; 2]) {
         let (camera, animation, spacing) = (self.tools.camera, self.panel.animation, self.panel.spacing);
         self.input = InputFrame::default();
         self.app = App::new(scene, 1.0, self.setup.allocations);
         self.time_s = 0.0;
-        self.panel.notice = None;
         tracing::info!("shown: {name}");
-        if !warnings.is_empty() {
-            self.panel.tell(warnings.join("\n"));
-        }
         self.begin(name, size);
         if again {
             self.tools.camera = camera;

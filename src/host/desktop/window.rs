@@ -3,10 +3,12 @@
 use super::in_hand;
 use super::keys::{self, KeyCommand};
 use super::screen::{Acquired, Screen, Shot, WindowTarget};
-use super::session::{Session, Wake as WakeCall, Wish};
+use super::session::{Session, Wish};
 use super::{DesktopError, DesktopRun, Loaded, Setup};
+use crate::diagnostics::Stages;
 use crate::gpu::GpuError;
 use crate::gpu::ui::UiFrame;
+use crate::host::models::Wake as WakeCall;
 use crate::input::tools::{Button, Modifiers};
 use crate::panel::{Panel, PanelAction};
 use egui_winit::egui::ViewportId;
@@ -257,7 +259,9 @@ impl Live {
         // keys are the panel's only while it is being typed into: else a button in focus would take them
         let typing = self.panel.is_typing() || self.pressed_panel;
         let for_panel = !matches!(event, WindowEvent::KeyboardInput { .. }) || typing;
-        if for_panel && self.events.on_window_event(&self.window, &event).repaint {
+        // a shift or a control key alone changes nothing that is seen
+        let seen = for_panel && self.events.on_window_event(&self.window, &event).repaint;
+        if seen && !matches!(event, WindowEvent::ModifiersChanged(_)) {
             self.redraw();
         }
         let keys = self.modifiers();
@@ -270,6 +274,7 @@ impl Live {
             WindowEvent::Resized(size) => {
                 self.hidden = size.width == 0 || size.height == 0;
                 self.screen.resize(size.width, size.height);
+                tracing::debug!("the window has {} x {} pixels", size.width, size.height);
                 self.session.touch();
             }
             WindowEvent::Occluded(hidden) => {
@@ -361,6 +366,7 @@ impl Live {
             KeyCommand::TogglePause => return self.act(PanelAction::Pause(!self.session.panel.paused)),
             KeyCommand::ToggleRecord => return self.act(PanelAction::Record(!self.session.panel.recording)),
             KeyCommand::ToggleHelp => panel.help = !panel.help,
+            KeyCommand::ToggleCounters => panel.counters_shown = !panel.counters_shown,
             KeyCommand::TogglePanel => panel.open = !panel.open,
             KeyCommand::ToggleFullScreen => {
                 let full = self.window.fullscreen().is_none().then_some(Fullscreen::Borderless(None));
@@ -391,7 +397,8 @@ impl Live {
     }
 
     fn draw(&mut self) -> Result<(), DesktopError> {
-        self.asked = false;
+        // asked for and drawn may be one turn of the loop: a frame ends a rest all the same
+        (self.asked, self.rests) = (false, false);
         let frame = match self.screen.acquire() {
             Acquired::Frame(frame) => frame,
             Acquired::Again => {
@@ -442,10 +449,13 @@ impl Live {
             wants_shot: std::mem::take(&mut self.wants_shot) || recording,
             shot: None,
             window: &self.window,
+            times_passes: self.session.panel.counters_shown,
+            passes: Stages::default(),
         };
         match self.session.app.frame(&input, &mut target) {
             Ok(report) => {
                 let shot = target.shot.take();
+                self.session.panel.gpu_stages = target.passes;
                 if self.frames == 1 {
                     tracing::info!("first frame after {:.2} s", self.session.gesture_time_s());
                 }

@@ -11,7 +11,7 @@ use super::space::{Placement, Pose};
 use crate::app::{App, FrameReport};
 use crate::formats::BUNDLED;
 use crate::host::headless::visible_bounds;
-use crate::host::models::{self, Loaded, Loader, Request};
+use crate::host::models::{self, Arrival, Loaded, Loader, Request};
 use crate::input::InputFrame;
 use crate::panel::{PanelAction, PanelState};
 use crate::scene::EditCommand;
@@ -154,14 +154,15 @@ impl Desk {
         let state = &mut self.board.state;
         let Some(load) = &options.load else { return state.fail("this build loads no other models") };
         let request = Request { model, config: state.config.clone(), spacing };
-        self.loader.begin(load, request, || (), state);
+        self.loader.begin(load, request, Box::new(|| ()), state);
     }
 
     /// Takes a model that has been loaded meanwhile; it stands where one stands at the start.
     fn take_loaded(&mut self, work: &mut Work<'_>) -> bool {
         let Work { app, hands, head, options, frame } = work;
         let state = &mut self.board.state;
-        let (Some(Loaded { mut scene, name, .. }), _) = self.loader.take(state) else { return false };
+        let Arrival::Model(came) = self.loader.take(state) else { return false };
+        let Loaded { mut scene, name, .. } = came.1;
         let plays = scene.tissues().next().is_some_and(|(_, t)| !t.rig().animations.is_empty());
         scene.set_animation(plays.then_some(0));
         scene.pose(0.0, 0.0);
@@ -183,7 +184,7 @@ impl Desk {
             return;
         }
         let state = &mut self.board.state;
-        state.note_frame(report.stages);
+        state.note_frame(report.stages, report.counters.rows());
         (state.undo_depth, state.redo_depth) = (app.scene.undo_depth(), app.scene.redo_depth());
         if let Some(edit) = report.edits.last() {
             let (kind, outcome, pieces) = (edit.kind, edit.outcome.as_str(), edit.pieces.len());
