@@ -32,18 +32,26 @@ fn runtime_without_headset(service: &Service) -> String {
     manifest.display().to_string()
 }
 
-/// What can be missing: a name, what makes it so, and words of the sentence that says it.
-fn absences(service: &Service) -> [(&'static str, Option<(&'static str, String)>, &'static str); 4] {
+/// Something that is not there.
+struct Absence {
+    what: &'static str,
+    /// The variable that makes it so.
+    variable: Option<(&'static str, String)>,
+    /// Words of the sentence that says it.
+    sentence: &'static str,
+}
+
+fn absences(service: &Service) -> [Absence; 4] {
     let set = |name, value: &str| Some((name, value.to_string()));
+    let loader = set("INCISE_OPENXR_LOADER", "/no/such/loader.so");
+    let runtime = set("XR_RUNTIME_JSON", "/no/such/runtime.json");
+    let headset = set("XR_RUNTIME_JSON", &runtime_without_headset(service));
+    let absence = |what, variable, sentence| Absence { what, variable, sentence };
     [
-        (
-            "loader",
-            set("INCISE_OPENXR_LOADER", "/no/such/loader.so"),
-            "no OpenXR loader was found (INCISE_OPENXR_LOADER=/no/such",
-        ),
-        ("runtime", set("XR_RUNTIME_JSON", "/no/such/runtime.json"), "no OpenXR runtime is set up"),
-        ("service", None, "service does not answer"),
-        ("headset", set("XR_RUNTIME_JSON", &runtime_without_headset(service)), "Bare Runtime runs, but sees no headset"),
+        absence("loader", loader, "no OpenXR loader was found (INCISE_OPENXR_LOADER=/no/such"),
+        absence("runtime", runtime, "no OpenXR runtime is set up"),
+        absence("service", None, "service does not answer"),
+        absence("headset", headset, "Bare Runtime runs, but sees no headset"),
     ]
 }
 
@@ -51,9 +59,9 @@ fn absences(service: &Service) -> [(&'static str, Option<(&'static str, String)>
 #[ignore = "scripts/test-vr runs it"]
 fn a_start_without_loader_runtime_service_or_headset_says_which() {
     let absent = Service::absent("absent");
-    for (missing, variable, sentence) in absences(&absent) {
+    for Absence { what, variable, sentence } in absences(&absent) {
         let said = refusal(&absent, &variable.iter().map(|(name, value)| (*name, value.as_str())).collect::<Vec<_>>());
-        assert!(said.contains(sentence), "no {missing}: {said}");
+        assert!(said.contains(sentence), "no {what}: {said}");
     }
 }
 
@@ -86,13 +94,13 @@ impl Free {
 #[ignore = "scripts/test-vr runs it"]
 fn plain_incise_opens_the_headset_and_without_one_a_window() {
     let absent = Service::absent("plain");
-    for (missing, variable, sentence) in absences(&absent) {
-        let display = absent.display(missing);
+    for Absence { what, variable, sentence } in absences(&absent) {
+        let display = absent.display(what);
         let mut command = absent.incise(&["-v"]);
         command.envs(variable).env("DISPLAY", display.name());
-        let mut plain = Free::start(&absent, missing, command);
+        let mut plain = Free::start(&absent, what, command);
         plain.says("first frame after");
-        assert!(plain.said().contains(sentence), "no {missing}: {}", plain.said());
+        assert!(plain.said().contains(sentence), "no {what}: {}", plain.said());
     }
     let present = Service::start("present", Compositor::Null);
     Free::start(&present, "present", present.incise(&["-v"])).says("the session is FOCUSED");
