@@ -169,7 +169,7 @@ pub fn export(scene: &Scene, export: Export, panel: &mut PanelState) {
     let file = Path::new("export.glb");
     match export(scene, file) {
         Ok(()) => panel.tell(format!("Written: {}", file.display())),
-        Err(why) => panel.fail(why),
+        Err(why) => panel.fail(format!("{why}; start Incise where you may write")),
     }
 }
 

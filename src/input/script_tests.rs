@@ -1,7 +1,7 @@
 use super::*;
 use crate::surgery::BladePose;
 
-const BUNDLED: [(&str, &str); 2] = [
+const BUNDLED: [(&str, &str); 3] = [
     ("demo.toml", include_str!("../../assets/scripts/demo.toml")),
     ("touch.toml", include_str!("../../assets/scripts/touch.toml")),
     ("beam.toml", include_str!("../../assets/scripts/beam.toml")),

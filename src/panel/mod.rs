@@ -4,7 +4,7 @@
 mod sections;
 mod state;
 
-pub use state::{Notice, PanelAction, PanelState, Progress, TimingRow};
+pub use state::{Notice, PanelAction, PanelState, Progress, TimingRow, short_name};
 
 use std::time::Duration;
 
@@ -44,6 +44,8 @@ impl Panel {
         panel.context.all_styles_mut(|style| {
             style.text_styles.insert(egui::TextStyle::Small, egui::FontId::proportional(11.0));
             style.visuals.widgets.noninteractive.fg_stroke.color = egui::Color32::from_gray(190);
+            style.visuals.selection.bg_fill = egui::Color32::from_rgb(13, 104, 102);
+            style.visuals.slider_trailing_fill = true;
             // a cursor that blinks is a window that never rests
             style.visuals.text_cursor.blink = false;
         });
@@ -228,8 +230,10 @@ mod tests {
         (state.config.tear.gap, state.config.tear.width) = (0.030_000_01, 0.7);
         (state.config.particles.radius, state.config.particles.neighbours) = (1.777_777_7, 50.0);
         state.config.dynamics.soft.frequency = 99.123_456;
+        (state.config.vr.snap_turn, state.config.vr.haptics, state.config.vr.reach) = (0.5, 0.612_345_6, 0.030_000_01);
         let before = state.clone();
-        for _ in 0..3 {
+        for look in 0..6 {
+            state.in_room = look > 2;
             panel.context.memory_mut(|memory| memory.data.clear());
             let mut frame = panel.run_pointer(([WIDTH, 2400.0], 1.0), None, None, &mut state);
             assert!(frame.actions.is_empty(), "{:?}", frame.actions);

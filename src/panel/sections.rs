@@ -20,7 +20,7 @@ const LAYERS: [(Layer, &str, &str); 8] = [
 ];
 
 /// Keys and mouse, as the help shows them.
-pub const HELP: [(&str, &str); 23] = [
+pub const HELP: [(&str, &str); 24] = [
     ("Left drag on the tissue", "tear"),
     ("... and the wheel", "depth of the blade"),
     ("... with Shift and the wheel, or Q / E", "lean of the blade"),
@@ -35,6 +35,7 @@ pub const HELP: [(&str, &str); 23] = [
     ("[ and ]", "depth of the blade"),
     ("Ctrl+Z, Ctrl+Y", "undo, redo"),
     ("R", "reset"),
+    ("A", "next animation, after the last the rest pose"),
     ("P, N", "pause, single step"),
     ("F", "frame the model"),
     ("Ctrl+O", "open a model (or drop a file)"),
@@ -50,7 +51,7 @@ pub const HELP: [(&str, &str); 23] = [
 pub fn all(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     ui.add_space(6.0);
     ui.horizontal(|ui| {
-        ui.heading("Incise");
+        ui.heading(RichText::new("Incise").strong());
         ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
             if !state.in_room && ui.button("Help").on_hover_text("Mouse and keys (F1)").clicked() {
                 state.help = !state.help;
@@ -86,10 +87,11 @@ fn section(ui: &mut Ui, title: &str, open: bool, add: impl FnOnce(&mut Ui)) {
 }
 
 fn model(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
-    ui.label(RichText::new(&state.model).monospace());
+    ui.add(egui::Label::new(RichText::new(state.model_name()).strong()).truncate()).on_hover_text(&state.model);
     let [vertices, faces, particles, pieces] = state.counts;
+    let pieces = if pieces == 1 { "1 piece".to_string() } else { format!("{pieces} pieces") };
     ui.small(format!("{faces} faces, {vertices} vertices"));
-    ui.small(format!("{particles} particles, {pieces} piece(s), diagonal {}", length(state.diagonal)));
+    ui.small(format!("{particles} particles, {pieces}, diagonal {}", length(state.diagonal)));
     ui.horizontal_wrapped(|ui| {
         for name in state.bundled.clone() {
             let shown = state.model == name;
@@ -175,9 +177,9 @@ fn hands(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     ui.small(format!("tip at {x:.0}, {y:.0}, {z:.0} mm from the grip"));
     let vr = &mut state.config.vr;
     millimetres(ui, &mut vr.reach, 0.0, 0.1, "reach", "How much deeper the scalpel goes with the trigger fully pulled");
-    ui.add(Slider::new(&mut vr.haptics, 0.0..=1.0).text("vibration")).on_hover_text("Strength of what the hands feel");
+    ui.add(slider(&mut vr.haptics, 0.0..=1.0).text("vibration")).on_hover_text("Strength of what the hands feel");
     let mut degrees = vr.snap_turn.to_degrees();
-    let turn = Slider::new(&mut degrees, 5.0..=90.0).suffix(" deg").fixed_decimals(0).text("turn");
+    let turn = slider(&mut degrees, 0.0..=90.0).suffix(" deg").fixed_decimals(0).text("turn");
     if ui.add(turn).on_hover_text("One push of the stick").changed() {
         vr.snap_turn = degrees.to_radians();
     }

@@ -208,6 +208,11 @@ impl Default for PanelState {
 const PLOTTED: usize = 120;
 
 impl PanelState {
+    /// The model in a few words: its bundled name, or its file's without the folders.
+    pub fn model_name(&self) -> &str {
+        short_name(&self.model)
+    }
+
     /// Adds a frame to the plot, with its counters.
     pub fn note_frame(&mut self, stages: Stages, counters: [(&'static str, u64); 8]) {
         self.counters = counters;
@@ -230,5 +235,20 @@ impl PanelState {
         let text = text.into();
         tracing::info!("{text}");
         self.notice = Some(Notice { text, error: false });
+    }
+}
+
+/// The last part of a path; a bundled name is one already.
+pub fn short_name(model: &str) -> &str {
+    std::path::Path::new(model).file_name().and_then(|name| name.to_str()).unwrap_or(model)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_called_by_its_name() {
+        assert_eq!(["heart", "models/arm.glb", "/a b/c.obj", ".."].map(short_name), ["heart", "arm.glb", "c.obj", ".."]);
     }
 }

@@ -10,10 +10,13 @@ pub enum KeyCommand {
     Panel(PanelAction),
     /// Stops or starts the clock.
     TogglePause,
+    /// The next animation, after the last one the rest pose.
+    NextAnimation,
     /// Starts or stops recording.
     ToggleRecord,
     /// Shows or hides the table of keys.
     ToggleHelp,
+    /// Shows or hides counters and times over the picture.
     ToggleCounters,
     /// Shows or hides the panel.
     TogglePanel,
@@ -62,6 +65,7 @@ pub fn command(key: &Key, ctrl: bool, shift: bool) -> Option<KeyCommand> {
             ("q", true) => Quit,
             ("r", false) => Panel(P::Reset),
             ("f", false) => Panel(P::Frame),
+            ("a", false) => NextAnimation,
             ("p", false) => TogglePause,
             ("n", false) => Panel(P::Step),
             ("h", false) => ToggleHelp,

@@ -1,7 +1,10 @@
 //! A window: the same scalpel under a mouse. winit calls us; a frame is drawn only when something has changed.
 
+mod dialog;
 mod in_hand;
 mod keys;
+mod panel_events;
+mod pictures;
 mod record;
 mod screen;
 mod session;

@@ -1,7 +1,10 @@
 //! The window and its event loop.
 
+use super::dialog::{self, Answer};
 use super::in_hand;
 use super::keys::{self, KeyCommand};
+use super::panel_events::panel_on;
+use super::pictures::Pictures;
 use super::screen::{Acquired, Screen, Shot, WindowTarget};
 use super::session::{Session, Wish};
 use super::{DesktopError, DesktopRun, Loaded, Setup};
@@ -10,9 +13,7 @@ use crate::gpu::GpuError;
 use crate::gpu::ui::UiFrame;
 use crate::host::models::Wake as WakeCall;
 use crate::input::tools::{Button, Modifiers};
-use crate::panel::{Panel, PanelAction};
-use egui_winit::egui::ViewportId;
-use std::path::PathBuf;
+use crate::panel::{Panel, PanelAction, short_name};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -24,10 +25,6 @@ use winit::window::{Fullscreen, Window, WindowId};
 
 /// Time between frames of a window that another one covers or that has not the focus.
 const BACKGROUND: Duration = Duration::from_millis(100);
-/// A dialog that is dismissed sooner than any hand could was never there.
-const NO_DIALOG: Duration = Duration::from_millis(150);
-const NO_DIALOG_TEXT: &str = "This system has no file dialog (xdg-desktop-portal or zenity brings one). Drop a file on the \
-                              window, or type its path into the panel.";
 /// Least size of the window, points.
 const LEAST_SIZE: (u32, u32) = (480, 320);
 
@@ -38,8 +35,8 @@ enum Wake {
     Repaint(Duration),
     /// A model has been loaded, or could not be.
     Loaded,
-    /// The system's dialog was answered, after this long.
-    Chosen(Option<PathBuf>, Duration),
+    /// The system's dialog was answered.
+    Chosen(Answer),
 }
 
 pub(super) fn run(setup: Setup, first: Loaded) -> Result<DesktopRun, DesktopError> {
@@ -88,7 +85,7 @@ struct Live {
     unseen: bool,
     wake_at: Option<Instant>,
     last_frame: Instant,
-    shots: u32,
+    pictures: Pictures,
     wants_shot: bool,
     /// A redraw has been asked for and has not come yet.
     asked: bool,
@@ -117,12 +114,12 @@ impl ApplicationHandler<Wake> for Desktop {
         match event {
             Wake::Repaint(after) => live.repaint_in(after),
             Wake::Loaded => live.redraw(),
-            Wake::Chosen(Some(file), _) => live.act(PanelAction::Open(file.display().to_string())),
-            Wake::Chosen(None, after) if after < NO_DIALOG => {
-                live.session.panel.fail(NO_DIALOG_TEXT);
+            Wake::Chosen(Answer::File(file)) => live.act(PanelAction::Open(file.display().to_string())),
+            Wake::Chosen(Answer::NoDialog) => {
+                live.session.panel.fail(dialog::NO_DIALOG_TEXT);
                 live.session.touch();
             }
-            Wake::Chosen(None, _) => {}
+            Wake::Chosen(Answer::Dismissed) => {}
         }
     }
 
@@ -146,12 +143,12 @@ impl ApplicationHandler<Wake> for Desktop {
 impl Live {
     fn open(events: &ActiveEventLoop, setup: Setup, first: Loaded, proxy: EventLoopProxy<Wake>) -> Result<Self, DesktopError> {
         let attributes = Window::default_attributes()
-            .with_title(format!("Incise: {}", first.name))
+            .with_title(title(&first.name))
             .with_inner_size(LogicalSize::new(setup.size.0, setup.size.1))
             .with_min_inner_size(LogicalSize::new(LEAST_SIZE.0, LEAST_SIZE.1));
         let window = Arc::new(events.create_window(attributes).map_err(|e| DesktopError::NoWindow(e.to_string()))?);
         let screen = Screen::new(events, &window)?;
-        let (panel, state) = panel_on(events, &window, &screen, &proxy);
+        let (panel, state) = panel_on(&window, &screen, events, repaint_by(&proxy));
         let waker = proxy.clone();
         let wake = move || -> WakeCall {
             let proxy = waker.clone();
@@ -179,7 +176,7 @@ impl Live {
             unseen: false,
             wake_at: None,
             last_frame: Instant::now(),
-            shots: 0,
+            pictures: Pictures::default(),
             wants_shot: false,
             asked: true,
             pressed_panel: false,
@@ -215,11 +212,15 @@ impl Live {
         }
         let mut next = self.wake_at;
         if self.session.wants_frame() {
-            let due = if self.focused && !self.unseen { now } else { self.last_frame + BACKGROUND };
-            if due <= now {
-                self.redraw();
-            } else {
+            let due = due(now, self.last_frame, self.focused && !self.unseen);
+            if due > now {
                 next = Some(next.map_or(due, |other| other.min(due)));
+            } else if !self.focused && self.window.is_minimized() == Some(true) {
+                // X11 says nothing of its own when a window is minimised
+                self.hide(true);
+                return ControlFlow::Wait;
+            } else {
+                self.redraw();
             }
         }
         let rests = next.is_none() && !self.asked;
@@ -228,6 +229,11 @@ impl Live {
         }
         self.rests = rests;
         next.map_or(ControlFlow::Wait, ControlFlow::WaitUntil)
+    }
+
+    fn hide(&mut self, hidden: bool) {
+        tracing::debug!("{} after frame {}", if hidden { "hidden" } else { "shown" }, self.frames);
+        self.hidden = hidden;
     }
 
     fn size(&self) -> [f64; 2] {
@@ -253,12 +259,23 @@ impl Live {
     }
 
     fn handle(&mut self, event: WindowEvent) -> Result<(), DesktopError> {
+        // not for egui, which would answer each with a wish for another
         if matches!(event, WindowEvent::RedrawRequested) {
-            return self.draw(); // egui would answer each with a wish for another
+            if self.hidden {
+                self.asked = false;
+                self.session.touch(); // drawn when it is shown again
+                return Ok(());
+            }
+            return self.draw();
         }
         // keys are the panel's only while it is being typed into: else a button in focus would take them
         let typing = self.panel.is_typing() || self.pressed_panel;
-        let for_panel = !matches!(event, WindowEvent::KeyboardInput { .. }) || typing;
+        let for_panel = match event {
+            WindowEvent::KeyboardInput { .. } => typing,
+            // egui draws without end while a file is held over it
+            WindowEvent::HoveredFile(_) | WindowEvent::HoveredFileCancelled | WindowEvent::DroppedFile(_) => false,
+            _ => true,
+        };
         // a shift or a control key alone changes nothing that is seen
         let seen = for_panel && self.events.on_window_event(&self.window, &event).repaint;
         if seen && !matches!(event, WindowEvent::ModifiersChanged(_)) {
@@ -268,7 +285,9 @@ impl Live {
         // who is clicked or typed at is seen, whatever the window system said last
         let used =
             matches!(event, WindowEvent::MouseInput { .. } | WindowEvent::KeyboardInput { .. } | WindowEvent::Focused(true));
-        self.hidden &= !used;
+        if used && self.hidden {
+            self.hide(false);
+        }
         match event {
             WindowEvent::CloseRequested => self.closing = true,
             WindowEvent::Resized(size) => {
@@ -278,12 +297,12 @@ impl Live {
                 self.session.touch();
             }
             WindowEvent::Occluded(hidden) => {
-                tracing::debug!("{}", if hidden { "hidden" } else { "shown" });
-                self.hidden = hidden;
+                self.hide(hidden);
                 self.session.touch();
             }
             WindowEvent::Focused(focused) => {
                 self.focused = focused;
+                tracing::debug!("focus {} after frame {}", if focused { "gained" } else { "lost" }, self.frames);
                 if !focused {
                     self.session.with_tools(|tools, _, _, out| tools.cancel(out));
                 }
@@ -319,10 +338,13 @@ impl Live {
             }
             WindowEvent::KeyboardInput { event, is_synthetic: false, .. } if !typing => self.key(&event),
             WindowEvent::HoveredFile(file) => {
-                self.session.panel.hovered = Some(file.file_name().unwrap_or_default().display().to_string());
+                let name = file.file_name().unwrap_or_default().display().to_string();
+                tracing::debug!("{name} is held over the window");
+                self.session.panel.hovered = Some(name);
                 self.session.touch();
             }
             WindowEvent::HoveredFileCancelled => {
+                tracing::debug!("no longer held over the window");
                 self.session.panel.hovered = None;
                 self.session.touch();
             }
@@ -365,6 +387,11 @@ impl Live {
             KeyCommand::Panel(action) => return self.act(action),
             KeyCommand::TogglePause => return self.act(PanelAction::Pause(!self.session.panel.paused)),
             KeyCommand::ToggleRecord => return self.act(PanelAction::Record(!self.session.panel.recording)),
+            KeyCommand::NextAnimation => {
+                let next = panel.animation.map_or(0, |now| now + 1);
+                let next = (next < panel.animations.len()).then_some(next);
+                return self.act(PanelAction::Animate(next));
+            }
             KeyCommand::ToggleHelp => panel.help = !panel.help,
             KeyCommand::ToggleCounters => panel.counters_shown = !panel.counters_shown,
             KeyCommand::TogglePanel => panel.open = !panel.open,
@@ -408,6 +435,7 @@ impl Live {
             Acquired::Hidden => {
                 // nothing says when it can be drawn into again: asked now and then
                 (self.unseen, self.last_frame) = (true, Instant::now());
+                self.session.touch();
                 return Ok(());
             }
         };
@@ -428,15 +456,22 @@ impl Live {
         }
         self.session.take_panel_values();
         self.carry_out_wishes();
+        let recording = self.session.panel.recording;
+        if !recording && let Some(words) = self.pictures.end_recording() {
+            self.session.panel.tell(words);
+            self.redraw();
+        }
         if std::mem::take(&mut self.session.scene_changed) {
             self.screen.forget();
-            self.window.set_title(&format!("Incise: {}", self.session.panel.model));
+            self.window.set_title(&title(&self.session.panel.model));
         }
         let now = Instant::now();
         self.last_frame = now;
         self.frames += 1;
+        if !self.focused {
+            tracing::debug!("frame {} in the background", self.frames);
+        }
         let input = self.session.next_input(now);
-        let recording = self.session.panel.recording;
         let preview = self.session.preview();
         let mut target = WindowTarget {
             camera: self.session.tools.camera.pose(),
@@ -461,15 +496,14 @@ impl Live {
                 }
                 self.session.frame_done(report, [self.canvas[0], self.canvas[1]]);
                 if let Some(shot) = shot {
-                    self.write_shot(shot, recording);
+                    self.write_shot(&shot, recording);
                 }
             }
             Err(GpuError::Lost(why)) => {
                 tracing::warn!("the GPU was lost ({why}); starting another device");
                 self.screen.replace_lost_device()?;
-                self.panel = Panel::new();
-                self.events = state_of(&self.panel, &self.window, &self.screen, &self.window);
-                attach(&self.panel, &self.proxy);
+                let repaint = repaint_by(&self.proxy);
+                (self.panel, self.events) = panel_on(&self.window, &self.screen, &self.window, repaint);
                 self.session.touch();
             }
             Err(why) => {
@@ -496,40 +530,18 @@ impl Live {
         }
     }
 
-    /// The system's dialog; the answer comes as an event.
     fn ask_for_file(&self) {
-        let dialog = rfd::AsyncFileDialog::new()
-            .set_title("Open a model")
-            .add_filter("Models", &["glb", "gltf", "obj", "stl"])
-            .set_parent(&*self.window)
-            .pick_file();
         let proxy = self.proxy.clone();
-        let wait = move || {
-            let asked = Instant::now();
-            let file = pollster::block_on(dialog);
-            drop(proxy.send_event(Wake::Chosen(file.map(|f| f.path().to_path_buf()), asked.elapsed())));
-        };
-        if let Err(why) = std::thread::Builder::new().name("dialog".into()).spawn(wait) {
-            tracing::warn!("no file dialog: {why}; drop a file on the window instead");
-        }
+        dialog::ask(&self.window, move |answer| drop(proxy.send_event(Wake::Chosen(answer))));
     }
 
-    fn write_shot(&mut self, (width, height, pixels): Shot, recording: bool) {
-        let folder = PathBuf::from(if recording { "recording" } else { "screenshots" });
-        let written = std::fs::create_dir_all(&folder).map_err(|e| e.to_string()).and_then(|()| {
-            let file = (self.shots + 1..).map(|n| (n, folder.join(format!("incise-{n:05}.png")))).find(|f| !f.1.exists());
-            let Some((number, file)) = file else { return Err("there is no number left".to_string()) };
-            self.shots = number;
-            image::save_buffer(&file, &pixels, width, height, image::ColorType::Rgba8).map_err(|e| e.to_string())?;
-            Ok(file)
-        });
-        match written {
+    fn write_shot(&mut self, shot: &Shot, recording: bool) {
+        match self.pictures.write(shot, recording) {
             Ok(_) if recording => return,
             Ok(file) => self.session.panel.tell(format!("Written: {}", file.display())),
             Err(why) => {
                 self.session.panel.recording = false;
-                let folder = folder.display();
-                self.session.panel.fail(format!("cannot write a picture in {folder}: {why}; start Incise where you may write"));
+                self.session.panel.fail(why);
             }
         }
         self.session.touch();
@@ -551,31 +563,30 @@ impl Live {
     }
 }
 
-fn panel_on(
-    events: &ActiveEventLoop,
-    window: &Window,
-    screen: &Screen,
-    proxy: &EventLoopProxy<Wake>,
-) -> (Panel, egui_winit::State) {
-    let panel = Panel::new();
-    attach(&panel, proxy);
-    let state = state_of(&panel, window, screen, events);
-    (panel, state)
+fn title(model: &str) -> String {
+    format!("Incise: {}", short_name(model))
 }
 
-/// The panel's wish for another frame wakes the loop.
-fn attach(panel: &Panel, proxy: &EventLoopProxy<Wake>) {
+/// When the next frame of what moves is due: at once where it is looked at, else not more than ten times a second.
+fn due(now: Instant, last_frame: Instant, in_front: bool) -> Instant {
+    if in_front { now } else { last_frame + BACKGROUND }
+}
+
+/// How the panel's wish for another frame wakes the loop.
+fn repaint_by(proxy: &EventLoopProxy<Wake>) -> impl Fn(Duration) + Send + Sync + 'static {
     let proxy = proxy.clone();
-    panel.context().set_request_repaint_callback(move |info| drop(proxy.send_event(Wake::Repaint(info.delay))));
+    move |after| drop(proxy.send_event(Wake::Repaint(after)))
 }
 
-fn state_of(
-    panel: &Panel,
-    window: &Window,
-    screen: &Screen,
-    display: &dyn winit::raw_window_handle::HasDisplayHandle,
-) -> egui_winit::State {
-    let scale = Some(window.scale_factor() as f32);
-    let side = Some(screen.longest_side() as usize);
-    egui_winit::State::new(panel.context().clone(), ViewportId::ROOT, display, scale, window.theme(), side)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_window_in_the_background_draws_ten_frames_a_second_at_most() {
+        let last = Instant::now();
+        let now = last + Duration::from_millis(3);
+        assert_eq!(due(now, last, true), now);
+        assert_eq!(due(now, last, false), last + Duration::from_millis(100));
+    }
 }
