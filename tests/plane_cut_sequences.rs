@@ -7,7 +7,7 @@ use glam::DVec3;
 use incise::diagnostics::Stages;
 use incise::geometry::{FaceId, Plane, VertexId};
 use incise::scene::{EditCommand, Outcome, Scene, SceneSettings, TissueId};
-use incise::surgery::SamplingSettings;
+use incise::surgery::{BladePose, SamplingSettings};
 use incise::tissue::Tissue;
 use incise::tissue::edit::CutScratch;
 
@@ -294,4 +294,38 @@ fn vertices_on_the_cut_are_held_from_their_own_side() {
         row.iter().any(sides) && !row.iter().all(sides)
     });
     assert!(mixed.count() > 50);
+}
+
+/// A blade that sweeps across the beam means the plane of its sweep, wherever between two poses it first touches; a stab means
+/// none, and one that touches nothing neither.
+#[test]
+fn a_blade_in_the_hand_means_a_plane() {
+    let pose = |x: f64, y: f64, z: f64| BladePose { t: 0.0, tip: DVec3::new(x, y - 0.3, z), base: DVec3::new(x, y + 0.3, z) };
+    let lean = DVec3::new(1.0, 0.0, -0.4).normalize();
+    // coarse poses and fine ones mean the same plane
+    for steps in [1, 7, 90] {
+        let (mut scene, _) = scene("beam", 2400);
+        let volume: f64 = scene.tissues().map(|t| volume(t.1)).sum();
+        let at = |k: usize| 0.4 * (2.0 * k as f64 / steps as f64 - 1.0);
+        let poses: Vec<BladePose> = (0..=steps).map(|k| pose(0.03 + 0.4 * at(k), 0.0, at(k))).collect();
+        let report = scene.edit(EditCommand::CutByBlade { poses, closed: true }).pop().unwrap();
+        assert_eq!((report.outcome, report.pieces.len(), report.kind), (Outcome::Cut, 2, "cut"));
+        let after: f64 = report.pieces.iter().map(|p| p.volume).sum();
+        assert!((after - volume).abs() < 1e-6 * volume);
+        for (_, tissue) in scene.tissues() {
+            let side = |v: VertexId| (tissue.to_model(tissue.position(v)) - DVec3::X * 0.03).dot(lean);
+            let (least, most) =
+                tissue.mesh().live_vertices().map(side).fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+            assert!(least > -1e-6 || most < 1e-6, "the plane of the sweep parts the pieces: {least:e} {most:e}");
+        }
+    }
+    let (mut scene, _) = scene("beam", 2400);
+    let stab: Vec<BladePose> = (0..40).map(|k| pose(0.0, 0.5 - 0.02 * f64::from(k), 0.0)).collect();
+    let beside = vec![pose(2.0, 0.0, -0.4), pose(2.0, 0.0, 0.4)];
+    let nowhere = vec![pose(f64::NAN, 0.0, 0.0); 3];
+    for poses in [stab, beside, nowhere, Vec::new()] {
+        let report = scene.edit(EditCommand::CutByBlade { poses, closed: false }).pop().unwrap();
+        assert_eq!((report.outcome, report.pieces.len(), report.new_vertices), (Outcome::Missed, 1, 0));
+        assert!(report.area_before > 0.0 && report.max_plane_distance == Some(0.0));
+    }
 }

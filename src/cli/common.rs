@@ -10,6 +10,7 @@ use crate::particles::ParticleSettings;
 use crate::physics::NetworkSettings;
 use crate::rig::Rig;
 use crate::scene::{Scene, SceneSettings};
+use crate::surgery::{BladePath, PathError};
 use crate::tissue::{Tissue, TissueSettings};
 #[cfg(feature = "gpu")]
 use crate::{surgery::WallMode, tissue::forces::BodyForces};
@@ -17,6 +18,14 @@ use clap::Args;
 use glam::DVec3;
 use std::io::Write;
 use std::path::Path;
+
+/// A blade's path from a file; errors name it.
+pub fn load_path(file: &Path) -> Result<BladePath, CliError> {
+    BladePath::load(file).map_err(|e| match e {
+        PathError::Unreadable { .. } => CliError::input(e),
+        other => CliError::Input(format!("{}: {other}", file.display())),
+    })
+}
 
 /// POSE of CONTRACT.
 #[derive(Args, Clone, Debug, Default)]

@@ -1,7 +1,9 @@
 //! `incise cut`.
 
 use super::CliError;
-use super::common::{Format, ParticleArgs, PoseArgs, load, make_folder, posed_scene, print_json, print_line, write_file};
+use super::common::{
+    Format, ParticleArgs, PoseArgs, load, load_path, make_folder, posed_scene, print_json, print_line, write_file,
+};
 use super::report_json;
 use crate::config::Config;
 use crate::formats::{ExportPiece, export_glb, export_obj};
@@ -18,8 +20,12 @@ pub struct Cut {
     /// A .glb, .gltf, .obj or .stl file, or a bundled name.
     model: String,
     /// The plane n.x = d in model space, metres; any n but zero.
-    #[arg(long, value_name = "nx,ny,nz,d", allow_hyphen_values = true)]
-    plane: String,
+    #[arg(long, value_name = "nx,ny,nz,d", allow_hyphen_values = true, required_unless_present = "blade")]
+    plane: Option<String>,
+    /// The plane that a blade means instead: a path as `incise tear` takes it. The plane goes through the point where the blade
+    /// first touches the model and through its two ends a step later.
+    #[arg(long, value_name = "PATH.json", conflicts_with_all = ["plane", "bounded"])]
+    blade: Option<PathBuf>,
     /// Cut only the part of the plane that the blade swept: three or four points, convex, metres: the tip before and after,
     /// then the blade's other end after (and before). Points off the plane are dropped onto it. The cut ends inside the
     /// model where they do, and gets no caps.
@@ -48,12 +54,7 @@ pub struct Cut {
 
 impl Cut {
     pub fn run(self, config: &Config) -> Result<(), CliError> {
-        let plane = parse_plane(&self.plane)?;
-        let command = match &self.bounded {
-            Some(text) => EditCommand::CutBounded { plane, corners: parse_bounded(text, &plane)? },
-            None if self.cap => EditCommand::CutClosed(plane),
-            None => EditCommand::Cut(plane),
-        };
+        let command = self.command()?;
         let model = load(&self.model)?;
         let particles = if self.no_particles { None } else { Some(self.particles.settings(&model, config)?) };
         let mut scene = posed_scene(model, &self.pose, particles, config)?;
@@ -81,6 +82,19 @@ impl Cut {
             print_line(&format!("  piece-{i}: {} faces, {:.6e} m2{side}", piece.faces, piece.area));
         }
         Ok(())
+    }
+
+    fn command(&self) -> Result<EditCommand, CliError> {
+        if let Some(path) = &self.blade {
+            let path = load_path(path)?;
+            return Ok(EditCommand::CutByBlade { poses: path.poses().to_vec(), closed: self.cap });
+        }
+        let plane = parse_plane(self.plane.as_deref().unwrap_or_default())?;
+        Ok(match &self.bounded {
+            Some(text) => EditCommand::CutBounded { plane, corners: parse_bounded(text, &plane)? },
+            None if self.cap => EditCommand::CutClosed(plane),
+            None => EditCommand::Cut(plane),
+        })
     }
 
     /// Writes the pieces in the report's order; returns the largest deviation of an exported vertex, as a fraction of the

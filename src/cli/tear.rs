@@ -2,15 +2,15 @@
 
 use super::CliError;
 use super::common::{
-    Format, NO_WALLS, ParticleArgs, PoseArgs, check_width, diagonal, export_pieces, load, piece_names, posed_scene, print_json,
-    print_line, scene_glb, write_file,
+    Format, NO_WALLS, ParticleArgs, PoseArgs, check_width, diagonal, export_pieces, load, load_path, piece_names, posed_scene,
+    print_json, print_line, scene_glb, write_file,
 };
 use super::report_json;
 use crate::config::Config;
 use crate::formats::export_obj;
 use crate::particles::map_json;
 use crate::scene::{EditCommand, Scene};
-use crate::surgery::{BladePath, PathError, WallMode, write_boxes, write_slits};
+use crate::surgery::{WallMode, write_boxes, write_slits};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -82,10 +82,7 @@ impl Tear {
         if self.no_particles && self.map_out.is_some() {
             return Err(CliError::Input("--map-out needs particles; leave --no-particles out".into()));
         }
-        let path = BladePath::load(&self.path).map_err(|e| match e {
-            PathError::Unreadable { .. } => CliError::input(e),
-            other => CliError::Input(format!("{}: {other}", self.path.display())),
-        })?;
+        let path = load_path(&self.path)?;
         let model = load(&self.model)?;
         self.check_width(diagonal(&model))?;
         let particles = if self.no_particles { None } else { Some(self.particles.settings(&model, config)?) };

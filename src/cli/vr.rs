@@ -174,6 +174,7 @@ fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
         "eye_size": [outcome.eye_size.0, outcome.eye_size.1],
         "drawn": outcome.drawn,
         "undrawn": outcome.undrawn,
+        "rested": outcome.rested,
         "nonsense_periods": outcome.nonsense_periods,
         "pulses": outcome.pulses,
         "recreated": outcome.recreated,

@@ -61,8 +61,9 @@ impl ScriptPlayer {
 
     /// An edit that falls into a tear waits until the blade is lifted: a stroke is one unit of undo.
     fn waits(&self, i: usize) -> bool {
-        use ActionKind::{Cut, Redo, Reset, Tear, Undo};
-        let edits = |i: usize| matches!(self.script.actions[i].kind, Tear { .. } | Cut { .. } | Undo | Redo | Reset);
+        use ActionKind::{Cut, CutByBlade, Redo, Reset, Tear, Undo};
+        let edits =
+            |i: usize| matches!(self.script.actions[i].kind, Tear { .. } | Cut { .. } | CutByBlade { .. } | Undo | Redo | Reset);
         let tearing = |k: usize| {
             let progress = self.progress[k];
             matches!(self.script.actions[k].kind, Tear { .. }) && progress.begun && !progress.ended
@@ -109,6 +110,11 @@ impl ScriptPlayer {
                     [] => EditCommand::Cut(plane),
                     corners => EditCommand::CutBounded { plane, corners: corners.to_vec() },
                 });
+                progress.ended = true;
+            }
+            ActionKind::CutByBlade { path, cap } => {
+                let poses = path.poses().to_vec();
+                input.commands.push(EditCommand::CutByBlade { poses, closed: *cap });
                 progress.ended = true;
             }
             ActionKind::Grab { center, radius, until, moves } => {

@@ -162,6 +162,13 @@ pub enum ActionKind {
         /// The polygon in the plane that the blade swept, three or four corners; empty for all of the plane.
         bounded: Vec<DVec3>,
     },
+    /// A blade cuts along the plane that its way means.
+    CutByBlade {
+        /// The way; its times do not matter.
+        path: BladePath,
+        /// Whether the pieces are closed.
+        cap: bool,
+    },
     /// Particles inside a ball follow a hand.
     Grab {
         /// Middle of the ball.

@@ -1,8 +1,9 @@
 use super::*;
 use crate::surgery::BladePose;
 
-const BUNDLED: [(&str, &str); 2] = [
+const BUNDLED: [(&str, &str); 3] = [
     ("demo.toml", include_str!("../../assets/scripts/demo.toml")),
+    ("touch.toml", include_str!("../../assets/scripts/touch.toml")),
     ("beam.toml", include_str!("../../assets/scripts/beam.toml")),
 ];
 
@@ -90,7 +91,7 @@ layer = "wireframe"
 "#;
 
 #[test]
-fn a_bounded_cut_takes_three_or_four_points() {
+fn a_cut_takes_a_plane_points_or_the_poses_of_a_blade() {
     let cut = |rest: &str| format!("model = \"beam\"\n[[action]]\nkind = \"cut\"\nat = 0.0\n{rest}\n");
     let parsed = |rest: &str| Script::parse(&cut(rest), Path::new("s.toml"));
     let quad = "points = [[0,0,0], [1,0,0], [1,0,1], [0,0.5,1]]";
@@ -99,7 +100,11 @@ fn a_bounded_cut_takes_three_or_four_points() {
     assert!(!cap && bounded.len() == 4 && bounded.iter().all(|p| (plane.normal.dot(*p) - plane.distance).abs() < 1e-15));
     let script = parsed("points = [[0,0,0], [1,0,0], [1,0,1]]\nbounded = false").unwrap();
     assert!(matches!(&script.actions[0].kind, ActionKind::Cut { cap: true, bounded, .. } if bounded.is_empty()));
+    let poses = "poses = [{ t = 0.0, tip = [0,0,0], base = [0,1,0] }, { t = 1.0, tip = [1,0,0], base = [1,1,0] }]";
+    let script = parsed(&format!("{poses}\ncap = false")).unwrap();
+    assert!(matches!(&script.actions[0].kind, ActionKind::CutByBlade { cap: false, path } if path.poses().len() == 2));
     for (rest, words) in [
+        (format!("{poses}\nplane = [0,1,0,0]"), "takes no `plane`"),
         (quad.to_owned(), "three or four"),
         ("plane = [0,1,0,0]\nbounded = true".to_owned(), "needs `points`"),
         (format!("{quad}\nbounded = true\ncap = true"), "no caps"),

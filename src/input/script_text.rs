@@ -295,7 +295,7 @@ impl Kind {
     fn keys(self) -> &'static [&'static str] {
         match self {
             Self::Tear => &["poses"],
-            Self::Cut => &["plane", "points", "bounded", "cap"],
+            Self::Cut => &["plane", "points", "poses", "bounded", "cap"],
             Self::Grab => &["center", "radius", "until", "moves"],
             Self::Poke => &["radius", "until", "path"],
             Self::Squeeze => &["a", "b", "radius", "until"],
@@ -407,9 +407,16 @@ fn blade_path(raw: &Spanned<Vec<Spanned<RawPose>>>) -> Checked<BladePath> {
 }
 
 fn cut(raw: &RawAction, context: &Context) -> Checked<ActionKind> {
+    let cap = raw.cap.as_ref().is_none_or(|c| *c.get_ref());
+    if let Some(poses) = &raw.poses {
+        if let Some((key, span)) = raw.given().find(|(key, _)| !["poses", "cap"].contains(key)) {
+            return fault(span, format!("a cut by the `poses` of a blade takes no `{key}`"));
+        }
+        return Ok(ActionKind::CutByBlade { path: blade_path(poses)?, cap });
+    }
     let plane = plane(raw, context)?;
     let Some(flag) = raw.bounded.as_ref().filter(|b| *b.get_ref()) else {
-        return Ok(ActionKind::Cut { plane, cap: raw.cap.as_ref().is_none_or(|c| *c.get_ref()), bounded: Vec::new() });
+        return Ok(ActionKind::Cut { plane, cap, bounded: Vec::new() });
     };
     let Some(points) = &raw.points else {
         return fault(flag.span(), "a bounded cut needs `points`: the corners of what the blade swept");
@@ -445,7 +452,7 @@ fn plane(raw: &RawAction, context: &Context) -> Checked<CutPlane> {
             }
         }
         (Some(_), Some(points)) => fault(points.span(), "a cut takes either `plane` or `points`, not both"),
-        (None, None) => fault(context.span.clone(), "a cut needs `plane` or `points`"),
+        (None, None) => fault(context.span.clone(), "a cut needs `plane`, `points` or `poses`"),
     }
 }
 

@@ -230,8 +230,10 @@ mod tests {
         (state.config.tear.gap, state.config.tear.width) = (0.030_000_01, 0.7);
         (state.config.particles.radius, state.config.particles.neighbours) = (1.777_777_7, 50.0);
         state.config.dynamics.soft.frequency = 99.123_456;
+        (state.config.vr.snap_turn, state.config.vr.haptics, state.config.vr.reach) = (0.5, 0.612_345_6, 0.030_000_01);
         let before = state.clone();
-        for _ in 0..3 {
+        for look in 0..6 {
+            state.in_room = look > 2;
             panel.context.memory_mut(|memory| memory.data.clear());
             let mut frame = panel.run_pointer(([WIDTH, 2400.0], 1.0), None, None, &mut state);
             assert!(frame.actions.is_empty(), "{:?}", frame.actions);

@@ -177,9 +177,9 @@ fn hands(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     ui.small(format!("tip at {x:.0}, {y:.0}, {z:.0} mm from the grip"));
     let vr = &mut state.config.vr;
     millimetres(ui, &mut vr.reach, 0.0, 0.1, "reach", "How much deeper the scalpel goes with the trigger fully pulled");
-    ui.add(Slider::new(&mut vr.haptics, 0.0..=1.0).text("vibration")).on_hover_text("Strength of what the hands feel");
+    ui.add(slider(&mut vr.haptics, 0.0..=1.0).text("vibration")).on_hover_text("Strength of what the hands feel");
     let mut degrees = vr.snap_turn.to_degrees();
-    let turn = Slider::new(&mut degrees, 5.0..=90.0).suffix(" deg").fixed_decimals(0).text("turn");
+    let turn = slider(&mut degrees, 0.0..=90.0).suffix(" deg").fixed_decimals(0).text("turn");
     if ui.add(turn).on_hover_text("One push of the stick").changed() {
         vr.snap_turn = degrees.to_radians();
     }

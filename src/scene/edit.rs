@@ -37,6 +37,14 @@ pub enum EditCommand {
         /// A convex triangle or quadrangle in it: the blade's tip before and after, then its other end after and before.
         corners: Vec<DVec3>,
     },
+    /// Cuts everything along the plane that a blade means which moves through `poses`: [`Scene::plane_of_blade`]. A blade that means
+    /// none cuts nothing.
+    CutByBlade {
+        /// In order.
+        poses: Vec<BladePose>,
+        /// Whether the pieces are closed.
+        closed: bool,
+    },
     /// Takes back the newest unit.
     Undo,
     /// Does it again.
@@ -122,6 +130,7 @@ impl Scene {
             EditCommand::Cut(_)
                 | EditCommand::CutClosed(_)
                 | EditCommand::CutBounded { .. }
+                | EditCommand::CutByBlade { .. }
                 | EditCommand::Undo
                 | EditCommand::Redo
                 | EditCommand::Reset
@@ -135,6 +144,10 @@ impl Scene {
             EditCommand::Cut(plane) => reports.push(self.cut(&plane, false)),
             EditCommand::CutClosed(plane) => reports.push(self.cut(&plane, true)),
             EditCommand::CutBounded { plane, corners } => reports.push(self.cut_bounded(&plane, &corners)),
+            EditCommand::CutByBlade { poses, closed } => reports.push(match self.plane_of_blade(&poses) {
+                Some(plane) => self.cut(&plane, closed),
+                None => self.missed_cut(),
+            }),
             EditCommand::Undo => reports.push(self.step_history("undo", Outcome::Undone, Self::undo)),
             EditCommand::Redo => reports.push(self.step_history("redo", Outcome::Redone, Self::redo)),
             EditCommand::Reset => reports.push(self.step_history("reset", Outcome::Reset, Self::reset)),
@@ -149,11 +162,7 @@ impl Scene {
 
     fn step_history(&mut self, kind: &'static str, outcome: Outcome, step: impl FnOnce(&mut Self) -> bool) -> EditReport {
         let mut report = EditReport { kind, ..EditReport::default() };
-        for tissue in self.tissues.values_mut() {
-            let measured = tissue.sums().measures;
-            report.area_before += measured.area;
-            report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
-        }
+        self.measure_before(&mut report);
         let travelled = self.history.travelled_bytes;
         if report.stages.time(kind, || step(self)) {
             report.outcome = outcome;
@@ -161,6 +170,15 @@ impl Scene {
         report.bytes_uploaded = self.history.travelled_bytes - travelled;
         self.finish_report(&mut report, Vec::new());
         report
+    }
+
+    /// Area and volume of everything as it is now, into a report.
+    pub(super) fn measure_before(&mut self, report: &mut EditReport) {
+        for tissue in self.tissues.values_mut() {
+            let measured = tissue.sums().measures;
+            report.area_before += measured.area;
+            report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
+        }
     }
 
     fn begin_stroke(&mut self, width: f64) {

@@ -1,5 +1,6 @@
 //! The scene: tissues by id, the edits of a user, what they did, and the way back (MATHS 7).
 
+mod blade_cut;
 mod bounded_cut;
 mod edit;
 mod grab;

@@ -270,6 +270,22 @@ fn a_bounded_cut_ends_where_the_blade_did() {
 }
 
 #[test]
+fn a_cut_by_the_way_of_a_blade() {
+    let place = Place::new();
+    place.write("path.json", THROUGH_THE_BEAM);
+    let edit = place.ok_json("cut beam --blade path.json --cap --out halves");
+    check_edit(&edit);
+    assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("cut"), 2));
+    assert!(list(&edit["pieces"]).iter().all(|p| p["closed"] == true), "{edit}");
+    place.write("past.json", PAST_THE_BEAM);
+    let edit = place.ok_json("cut beam --blade past.json --out none");
+    assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("missed"), 1));
+    place.refused("cut beam --out none", &["--plane"]);
+    place.refused("cut beam --blade nowhere.json --out none", &["nowhere.json"]);
+    place.refused("cut beam --blade path.json --plane 1,0,0,0 --out none", &["--plane", "--blade"]);
+}
+
+#[test]
 fn a_tear_right_through_severs() {
     let place = Place::new();
     place.write("path.json", THROUGH_THE_BEAM);

@@ -1,14 +1,13 @@
 //! Leads a run in lockstep: moves the controllers, then tells the program what it should see.
 
 use super::remote::{Controller, Remote};
-use super::service::{Service, within};
+use super::service::{HANG, Service, within};
 use glam::{DQuat, DVec3};
 use incise::host::vr::space::{Placement, Pose};
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::process::{Child, Stdio};
-use std::time::Duration;
 
 /// Where the user's head is.
 pub const HEAD: [f32; 3] = [0.0, 1.6, 0.0];
@@ -16,7 +15,7 @@ pub const HEAD: [f32; 3] = [0.0, 1.6, 0.0];
 const TIP: f64 = 0.12;
 const REACH: f64 = 0.03;
 
-/// Metres.
+/// Metres: see [`Led::frame`].
 const TICK: f32 = 1.0 / 1048576.0;
 
 /// A program that is being led.
@@ -52,7 +51,7 @@ impl Led {
         command.stdin(Stdio::null()).stdout(log.try_clone().expect("a log")).stderr(log);
         let program = command.spawn().expect("incise starts");
         let (stream, _) = listener.accept().expect("incise connects");
-        stream.set_read_timeout(Some(Duration::from_secs(120))).expect("a timeout");
+        stream.set_read_timeout(Some(HANG)).expect("a timeout");
         let mut led = Self {
             program,
             remote,
@@ -105,9 +104,7 @@ impl Led {
 
     /// One frame with the hands as they are.
     pub fn frame(&mut self, capture: bool) {
-        let line = self.line();
-        assert_eq!(line, format!("frame {}", self.frames));
-        self.frames += 1;
+        self.asks();
         // No two packets that follow each other are alike, so that what the program sees is this one and its buttons.
         let mut hands = self.hands;
         hands[0].position[0] += TICK * (self.frames % 2) as f32;
@@ -135,6 +132,19 @@ impl Led {
         }
     }
 
+    /// One frame in which nothing moves.
+    pub fn pass(&mut self) {
+        self.asks();
+        self.say("pass");
+    }
+
+    /// The program asks for a frame's input: it has focus, and the frame before is with the compositor.
+    fn asks(&mut self) {
+        let line = self.line();
+        assert_eq!(line, format!("frame {}", self.frames));
+        self.frames += 1;
+    }
+
     fn say(&mut self, line: &str) {
         self.lines.get_mut().write_all(format!("{line}\n").as_bytes()).expect("incise listens");
     }
@@ -146,17 +156,19 @@ impl Led {
         self.ends_well()
     }
 
-    /// Reads and writes of files by the program so far; what goes through sockets does not count.
+    /// Reads and writes of files so far by the program's first thread, whose work the frames are; what goes through sockets does
+    /// not count, nor do the threads of a driver.
     pub fn file_calls(&self) -> u64 {
-        let io = std::fs::read_to_string(format!("/proc/{}/io", self.program.id())).expect("a process has this file");
+        let thread = self.program.id();
+        let io = std::fs::read_to_string(format!("/proc/{thread}/task/{thread}/io")).expect("a thread has this file");
         let count = |name: &str| io.lines().find_map(|l| l.strip_prefix(name)).and_then(|n| n.trim().parse::<u64>().ok());
         count("syscr:").expect("reads") + count("syscw:").expect("writes")
     }
 
-    /// Waits for the program's end, at most two minutes.
+    /// Waits for the program's end; true if it left with exit code 0.
     pub fn ends_well(mut self) -> bool {
         let mut code = None;
-        within(Duration::from_secs(120), || {
+        within(HANG, || {
             code = self.program.try_wait().ok().flatten();
             code.is_some()
         });
@@ -179,7 +191,7 @@ impl Drop for Led {
 
 fn connect(service: &Service) -> Remote {
     let mut remote = None;
-    within(Duration::from_secs(60), || {
+    within(HANG, || {
         remote = Remote::connect(service.port).ok();
         remote.is_some()
     });

@@ -1,8 +1,9 @@
 //! What is missing is named, and what was done is kept.
 
 use super::driver::{Led, log_of};
-use super::service::{Compositor, Service, complaint, finish};
+use super::service::{Compositor, HANG, Kept, Service, complaint, finish, within};
 use glam::DVec3;
+use std::process::Command;
 
 /// The program's last word, for a start that fails.
 fn refusal(service: &Service, more: &[(&str, &str)]) -> String {
@@ -17,16 +18,92 @@ fn refusal(service: &Service, more: &[(&str, &str)]) -> String {
     ours[0].to_string()
 }
 
+/// The manifest of a runtime without a headset, made in the service's folder.
+fn runtime_without_headset(service: &Service) -> String {
+    let library = service.folder.join("libbare_runtime.so");
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vr/bare_runtime.c");
+    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".into());
+    let made = Command::new(compiler).args(["-shared", "-fPIC", "-o"]).arg(&library).arg(source).status();
+    assert!(made.expect("a C compiler").success());
+    let manifest = service.folder.join("bare_runtime.json");
+    let library = library.display();
+    std::fs::write(&manifest, format!(r#"{{"file_format_version":"1.0.0","runtime":{{"library_path":"{library}"}}}}"#))
+        .expect("written");
+    manifest.display().to_string()
+}
+
+/// Something that is not there.
+struct Absence {
+    what: &'static str,
+    /// The variable that makes it so.
+    variable: Option<(&'static str, String)>,
+    /// Words of the sentence that says it.
+    sentence: &'static str,
+}
+
+fn absences(service: &Service) -> [Absence; 4] {
+    let set = |name, value: &str| Some((name, value.to_string()));
+    let loader = set("INCISE_OPENXR_LOADER", "/no/such/loader.so");
+    let runtime = set("XR_RUNTIME_JSON", "/no/such/runtime.json");
+    let headset = set("XR_RUNTIME_JSON", &runtime_without_headset(service));
+    let absence = |what, variable, sentence| Absence { what, variable, sentence };
+    [
+        absence("loader", loader, "no OpenXR loader was found (INCISE_OPENXR_LOADER=/no/such"),
+        absence("runtime", runtime, "no OpenXR runtime is set up"),
+        absence("service", None, "service does not answer"),
+        absence("headset", headset, "Bare Runtime runs, but sees no headset"),
+    ]
+}
+
 #[test]
 #[ignore = "scripts/test-vr runs it"]
-fn a_start_without_loader_runtime_or_service_says_which() {
+fn a_start_without_loader_runtime_service_or_headset_says_which() {
     let absent = Service::absent("absent");
-    let loader = refusal(&absent, &[("INCISE_OPENXR_LOADER", "/no/such/loader.so")]);
-    assert!(loader.contains("no OpenXR loader") && loader.contains("/no/such/loader.so"), "{loader}");
-    let runtime = refusal(&absent, &[("XR_RUNTIME_JSON", "/no/such/runtime.json")]);
-    assert!(runtime.contains("no OpenXR runtime is set up"), "{runtime}");
-    let service = refusal(&absent, &[]);
-    assert!(service.contains("service does not answer"), "{service}");
+    for Absence { what, variable, sentence } in absences(&absent) {
+        let said = refusal(&absent, &variable.iter().map(|(name, value)| (*name, value.as_str())).collect::<Vec<_>>());
+        assert!(said.contains(sentence), "no {what}: {said}");
+    }
+}
+
+/// A program that runs for itself, and where it writes what it has to say.
+struct Free {
+    program: Kept,
+    log: std::path::PathBuf,
+}
+
+impl Free {
+    fn start(service: &Service, name: &str, mut command: Command) -> Self {
+        let log = service.folder.join(format!("{name}.log"));
+        let file = std::fs::File::create(&log).expect("a log");
+        let program = Kept::spawn(command.stdout(file.try_clone().expect("a log")).stderr(file));
+        Self { program, log }
+    }
+
+    fn said(&self) -> String {
+        std::fs::read_to_string(&self.log).unwrap_or_default()
+    }
+
+    /// Waits until it has said these words; they must come while it runs.
+    fn says(&mut self, words: &str) {
+        within(HANG, || self.said().contains(words) || self.program.has_ended());
+        assert!(self.said().contains(words) && !self.program.has_ended(), "{words:?}: {}", self.said());
+    }
+}
+
+#[test]
+#[ignore = "scripts/test-vr runs it"]
+fn plain_incise_opens_the_headset_and_without_one_a_window() {
+    let absent = Service::absent("plain");
+    for Absence { what, variable, sentence } in absences(&absent) {
+        let display = absent.display(what);
+        let mut command = absent.incise(&["-v"]);
+        command.envs(variable).env("DISPLAY", display.name());
+        let mut plain = Free::start(&absent, what, command);
+        plain.says("first frame after");
+        assert!(plain.said().contains(sentence), "no {what}: {}", plain.said());
+    }
+    let present = Service::start("present", Compositor::Null);
+    Free::start(&present, "present", present.incise(&["-v"])).says("the session is FOCUSED");
 }
 
 /// A file of settings that has the program wait so many seconds for a runtime to come back.
@@ -83,4 +160,33 @@ fn a_runtime_that_comes_back_is_used_again() {
     let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
     assert_eq!(report["recreated"], 1);
     assert!(report["last_boxes"].as_array().is_some_and(|b| b.len() > 3), "the wound is still there");
+}
+
+/// Another program takes the headset for a while, which for ours is the same as its being off: the scene rests, the stroke in
+/// progress ends and stays, and then it goes on.
+#[test]
+#[ignore = "scripts/test-vr runs it"]
+fn a_headset_that_is_off_for_a_while_rests_the_scene() {
+    let service = Service::start("off", Compositor::Null);
+    let mut led = Led::start(&service, &["heart", "--out", "out"], &[]);
+    tear(&mut led);
+    let mut other = Free::start(&service, "other", service.incise(&["-v", "vr"]));
+    other.says("the session is FOCUSED");
+    // Ours asks for no input from here on until it has the headset back.
+    led.pass();
+    drop(other);
+    led.hand(1).trigger = 0.0;
+    for _ in 0..10 {
+        led.frame(false);
+    }
+    assert!(led.quit(), "{}", log_of(&service));
+    let report = std::fs::read_to_string(service.folder.join("out/report.json")).expect("a report");
+    let report: serde_json::Value = serde_json::from_str(&report).expect("JSON");
+    assert!(report["rested"].as_u64() > Some(0), "{}", report["rested"]);
+    assert_eq!(report["recreated"], 0);
+    assert!(report["last_boxes"].as_array().is_some_and(|b| b.len() > 3), "the wound is still there");
+    let times: Vec<f64> = report["frames"].as_array().expect("frames").iter().filter_map(|f| f["time"].as_f64()).collect();
+    assert_eq!(times.len(), 25 + 10);
+    let step = 1.0 / 90.0;
+    assert!(times.windows(2).all(|t| (t[1] - t[0] - step).abs() < 1e-9), "time stands meanwhile: {times:?}");
 }

@@ -156,7 +156,10 @@ impl Headset {
         while order == Order::None {
             let Some(event) = self.runtime.instance.poll_event(&mut self.events).named("its events")? else { break };
             match event {
-                xr::Event::SessionStateChanged(change) => order = self.life.enter(change.state()),
+                xr::Event::SessionStateChanged(change) => {
+                    tracing::info!("the session is {:?}", change.state());
+                    order = self.life.enter(change.state());
+                }
                 xr::Event::InstanceLossPending(_) => order = Order::Recreate,
                 xr::Event::VisibilityMaskChangedKHR(_) => remask = true,
                 xr::Event::EventsLost(lost) => tracing::warn!("the runtime lost {} events", lost.lost_event_count()),
@@ -387,10 +390,11 @@ impl EyeTarget<'_> {
         Some([pose(&views[0])?, pose(&views[1])?])
     }
 
-    /// Draws both eyes; returns seconds spent on waiting for the compositor's image.
-    fn draw(&mut self, view: &FrameView) -> Result<f64, VrError> {
-        let Some(views) = self.headset.eyes(self.time)? else { return Ok(0.0) };
-        let Some(poses) = self.view_poses(&views) else { return Ok(0.0) };
+    /// Draws both eyes.
+    fn draw(&mut self, view: &FrameView) -> Result<Elsewhere, VrError> {
+        let mut elsewhere = Elsewhere::default();
+        let Some(views) = self.headset.eyes(self.time)? else { return Ok(elsewhere) };
+        let Some(poses) = self.view_poses(&views) else { return Ok(elsewhere) };
         let layers = self.headset.mirror.layer_lines(view);
         let all: Vec<LineSegment>;
         let lines = match (layers.is_empty(), self.lines.is_empty()) {
@@ -404,7 +408,7 @@ impl EyeTarget<'_> {
         let instruments = self.instruments;
         let options = DrawOptions { lines, instruments, scenery: scenery(view.scene), ..DrawOptions::default() };
         let Headset { mirror, images, depth, graphics, masks, .. } = &mut *self.headset;
-        let Some(images) = images else { return Ok(0.0) };
+        let Some(images) = images else { return Ok(elsewhere) };
         let context = graphics.context.clone();
         let start = Instant::now();
         let index = images.acquire()?;
@@ -412,7 +416,7 @@ impl EyeTarget<'_> {
             Some(depth) => Some(depth.target(depth.acquire()?)),
             None => None,
         };
-        let waited_s = start.elapsed().as_secs_f64();
+        elsewhere.image_s = start.elapsed().as_secs_f64();
         let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("eyes") });
         let set = ViewSet { views: &poses, masked: !masks.is_empty() };
         let target = RenderTarget { depth, ..RenderTarget::new(images.target(index)) };
@@ -424,18 +428,32 @@ impl EyeTarget<'_> {
         let late = self.headset.eyes(self.time)?.and_then(|views| Some((self.view_poses(&views)?, views)));
         let (poses, views) = late.unwrap_or((poses, views));
         let Headset { mirror, images, masks, .. } = &mut *self.headset;
-        let Some(images) = images else { return Ok(0.0) };
+        let Some(images) = images else { return Ok(elsewhere) };
         mirror.renderer_mut().set_late_views(&poses)?;
-        context.queue().submit([encoder.finish()]);
+        let commands = encoder.finish();
+        let start = Instant::now();
+        context.queue().submit([commands]);
+        elsewhere.submit_s = start.elapsed().as_secs_f64();
         if self.capture {
             self.captured = Some(Capture { masks: masks.clone(), ..capture(&context, images, index, &poses)? });
         }
         reflect(self.mirror, images, index);
+        let start = Instant::now();
         self.headset.release()?;
+        elsewhere.submit_s += start.elapsed().as_secs_f64();
         context.check()?;
         self.shown = Some(Shown { views });
-        Ok(waited_s)
+        Ok(elsewhere)
     }
+}
+
+/// What of a frame's drawing is none of our work. Seconds.
+#[derive(Clone, Copy, Default)]
+struct Elsewhere {
+    /// Waiting for the compositor to give an image back.
+    image_s: f64,
+    /// In the driver and the runtime, which take over what was encoded. A software adapter runs much of it there and then.
+    submit_s: f64,
 }
 
 impl FrameTarget for EyeTarget<'_> {
@@ -448,9 +466,10 @@ impl FrameTarget for EyeTarget<'_> {
         self.allocated = (self.allocations)() - before;
         if self.render {
             let start = Instant::now();
-            let waited_s = self.draw(view)?;
-            stages.add("draw", 1e3 * (start.elapsed().as_secs_f64() - waited_s));
-            stages.add("image", 1e3 * waited_s);
+            let Elsewhere { image_s, submit_s } = self.draw(view)?;
+            stages.add("draw", 1e3 * (start.elapsed().as_secs_f64() - image_s - submit_s));
+            stages.add("image", 1e3 * image_s);
+            stages.add("submit", 1e3 * submit_s);
         }
         self.headset.mirror.count(counters);
         Ok(())

@@ -236,3 +236,39 @@ fn pinch(joints: &xr::HandJointLocations) -> Option<(Pose, f64)> {
     let closed = ((PINCH.1 - apart) / (PINCH.1 - PINCH.0)).clamp(0.0, 1.0);
     Some((Pose { position: 0.5 * (thumb.position + index.position), rotation: palm.rotation }, closed))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DQuat, DVec3};
+
+    /// A tracked hand whose fingertips are so far apart, metres.
+    fn joints(apart: f64) -> xr::HandJointLocations {
+        let location_flags = xr::SpaceLocationFlags::POSITION_VALID | xr::SpaceLocationFlags::ORIENTATION_VALID;
+        let palm = Pose { position: DVec3::new(0.1, 1.2, -0.2), rotation: DQuat::from_rotation_y(0.7) };
+        let at = |position: DVec3| Pose { position, rotation: DQuat::IDENTITY }.to_xr();
+        let mut all = [xr::HandJointLocation { location_flags, pose: palm.to_xr(), radius: 0.01 }; xr::HAND_JOINT_COUNT];
+        all[xr::HandJoint::THUMB_TIP].pose = at(DVec3::new(0.1, 1.3, -0.3));
+        all[xr::HandJoint::INDEX_TIP].pose = at(DVec3::new(0.1 + apart, 1.3, -0.3));
+        all
+    }
+
+    #[test]
+    fn a_pinch_closes_as_the_fingertips_meet_and_lies_between_them() {
+        let closed = |apart: f64| pinch(&joints(apart)).expect("a tracked hand").1;
+        assert_eq!([closed(0.1), closed(PINCH.1), closed(PINCH.0), closed(0.0)].map(|c| c.round()), [0.0, 0.0, 1.0, 1.0]);
+        assert!((closed(0.5 * (PINCH.0 + PINCH.1)) - 0.5).abs() < 1e-4);
+        let (pose, _) = pinch(&joints(0.02)).expect("a tracked hand");
+        assert!(pose.position.distance(DVec3::new(0.11, 1.3, -0.3)) < 1e-6);
+        assert!((pose.yaw() - 0.7).abs() < 1e-6, "turned as the palm");
+    }
+
+    #[test]
+    fn a_hand_of_which_a_fingertip_is_not_seen_does_not_pinch() {
+        for joint in [xr::HandJoint::THUMB_TIP, xr::HandJoint::INDEX_TIP, xr::HandJoint::PALM] {
+            let mut unseen = joints(0.0);
+            unseen[joint].location_flags = xr::SpaceLocationFlags::ORIENTATION_VALID;
+            assert!(pinch(&unseen).is_none(), "{joint:?}");
+        }
+    }
+}

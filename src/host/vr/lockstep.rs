@@ -7,6 +7,7 @@
 //! | program | `ready {json}` | the session has focus; where the model stands |
 //! | program | `frame N` | frame N waits for its input |
 //! | driver | `expect` and 10 numbers, maybe `capture` | left hand x y z trigger squeeze, right hand the same; keep this frame's pictures |
+//! | driver | `pass` | nothing moves in this frame: it is for what the runtime has to say |
 //! | driver | `quit` | leave |
 
 use super::error::VrError;
@@ -16,14 +17,16 @@ use std::io::{BufRead, BufReader, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::{Duration, Instant};
 
-/// How long the runtime may take to pass input on.
-const PATIENCE: Duration = Duration::from_secs(20);
+/// How long the runtime may take to pass input on, and the driver to answer, before the run counts as hung.
+const PATIENCE: Duration = Duration::from_secs(600);
 
 /// What the driver has sent to the runtime.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Expected {
     /// These hands; true to keep the frame's pictures.
     Hands([Wanted; 2], bool),
+    /// None: the frame is shown as it is.
+    Pass,
     /// The run is over.
     Quit,
 }
@@ -55,7 +58,7 @@ impl Lockstep {
     pub fn connect(address: SocketAddr) -> Result<Self, VrError> {
         let stream = TcpStream::connect(address).map_err(broken)?;
         stream.set_nodelay(true).map_err(broken)?;
-        stream.set_read_timeout(Some(Duration::from_secs(60))).map_err(broken)?;
+        stream.set_read_timeout(Some(PATIENCE)).map_err(broken)?;
         Ok(Self { lines: BufReader::new(stream), frames: 0 })
     }
 
@@ -104,6 +107,7 @@ fn parse(line: &str) -> Option<Expected> {
     let mut words = line.split_whitespace();
     match words.next()? {
         "quit" => Some(Expected::Quit),
+        "pass" => Some(Expected::Pass),
         "expect" => {
             let mut number = || words.next()?.parse::<f32>().ok().filter(|n| n.is_finite());
             let mut hand =
@@ -127,6 +131,7 @@ mod tests {
     #[test]
     fn lines_of_the_driver_are_read() {
         assert_eq!(parse("quit\n"), Some(Expected::Quit));
+        assert_eq!(parse("pass\n"), Some(Expected::Pass));
         let Some(Expected::Hands(hands, capture)) = parse("expect 1 2 3 0.5 0 4 5 6 1 0.25 capture\n") else {
             panic!("not read")
         };

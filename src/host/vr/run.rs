@@ -80,6 +80,8 @@ pub struct VrOutcome {
     pub drawn: u64,
     /// Frames that the runtime wanted no picture for.
     pub undrawn: u64,
+    /// Frames in which the headset was off, or showed another program: nothing moved.
+    pub rested: u64,
     /// Frames whose predicted period was nonsense.
     pub nonsense_periods: u64,
     /// Frames that a window beside the headset showed.
@@ -105,8 +107,8 @@ pub struct VrOutcome {
 /// A frame that was kept.
 #[derive(Clone, Debug, Default)]
 pub struct FrameNote {
-    /// The app's report. Besides the app's stages: `input` (hands and board), `image` (waiting for the compositor's image, which
-    /// is none of our work).
+    /// The app's report. Besides the app's stages: `input` (hands and board); and what is none of our work, `image` (waiting for
+    /// the compositor's image) and `submit` (driver and runtime take over what was encoded).
     pub report: FrameReport,
     /// Edit commands of the hands and the board.
     pub commands: usize,
@@ -252,10 +254,11 @@ fn session(
         if rests {
             user.put_down(app);
             headset.end(&state, None, None)?;
+            outcome.rested += u64::from(!user.leaving);
             continue;
         }
         let capture = matches!(led, Led::Capture);
-        let shown = if user.lockstep.is_some() && !headset.life.listens() {
+        let shown = if user.lockstep.is_some() && (matches!(led, Led::Pass) || !headset.life.listens()) {
             look_only(headset, app, user, &state)?
         } else {
             frame(headset, app, user, &state, capture, options, outcome)?
@@ -297,6 +300,7 @@ fn describe(headset: &Headset, outcome: &mut VrOutcome) {
 enum Led {
     Free,
     Capture,
+    Pass,
     Quit,
 }
 
@@ -309,6 +313,7 @@ fn led(headset: &Headset, app: &App, user: &mut User, state: &openxr::FrameState
     }
     match lockstep.input()? {
         Expected::Quit => Ok(Led::Quit),
+        Expected::Pass => Ok(Led::Pass),
         Expected::Hands(wanted, capture) => {
             wait_until_seen(&wanted, || headset.look_at_hands(state.predicted_display_time))?;
             Ok(if capture { Led::Capture } else { Led::Free })

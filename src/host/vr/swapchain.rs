@@ -19,8 +19,9 @@ const FORMATS: [(u32, wgpu::TextureFormat); 4] = [
 /// D32_SFLOAT, as Vulkan numbers it: what our depth buffers are made of.
 const DEPTH: u32 = 126;
 
-/// How long to wait for the compositor to give an image back. Longer is a hang, and an error is better than one.
-const IMAGE_TIMEOUT: i64 = 5_000_000_000;
+/// How long to wait for the compositor to give an image back, nanoseconds. Longer is a hang, and an error is better than one; a
+/// software compositor on a busy machine takes seconds.
+const IMAGE_TIMEOUT: i64 = 60_000_000_000;
 
 /// A swapchain and its images as render targets.
 pub struct Images {
