@@ -114,6 +114,7 @@ impl Session {
         (panel.spacing, panel.stale) = (None, false);
         panel.depth_range = settings.depth_range();
         (panel.depth, panel.tilt, panel.grab_radius) = (settings.depth, settings.tilt, settings.grab_radius);
+        (panel.undo_depth, panel.redo_depth) = (0, 0);
         panel.last_edit.clear();
         panel.table.clear();
         panel.animation = None;
@@ -222,14 +223,13 @@ impl Session {
     }
 
     fn tell_edit(&mut self, edit: &EditReport) {
-        let pieces = edit.pieces.len();
+        let pieces = match edit.pieces.len() {
+            1 => "1 piece".to_string(),
+            more => format!("{more} pieces"),
+        };
         let time = edit.stages.total();
-        self.panel.last_edit = format!(
-            "{}: {}, {} new vertices, {pieces} piece(s), {time:.2} ms",
-            edit.kind,
-            edit.outcome.as_str(),
-            edit.new_vertices
-        );
+        self.panel.last_edit =
+            format!("{}: {}, {} new vertices, {pieces}, {time:.2} ms", edit.kind, edit.outcome.as_str(), edit.new_vertices);
         tracing::info!("{}", self.panel.last_edit);
         if edit.segments.is_empty() {
             return;

@@ -70,9 +70,11 @@ fn a_broken_model_leaves_the_current_one_and_says_so() {
     assert!(notice.error && notice.text.contains("no-such-model") && notice.text.contains("stays"), "{}", notice.text);
     assert_eq!((session.panel.model.as_str(), session.scene_changed), ("sphere", false));
     assert_eq!(session.app.scene.state_hash(), before);
+    (session.panel.undo_depth, session.panel.redo_depth) = (2, 1);
     session.act(PanelAction::Open("beam".into()), SIZE);
     settle(&mut session);
     assert_eq!((session.panel.model.as_str(), session.scene_changed), ("beam", true));
+    assert_eq!((session.panel.undo_depth, session.panel.redo_depth), (0, 0), "another model's edits cannot be redone");
     assert!(session.panel.notice.is_none() && session.app.scene.state_hash() != before);
 }
 
