@@ -137,7 +137,7 @@ pub fn run(app: &mut App, options: &VrOptions, outcome: &mut VrOutcome) -> Resul
     }
     loop {
         let ended = session(&mut headset, app, &mut user, options, outcome);
-        user.put_down(app);
+        user.put_down(app, outcome);
         if let Some(mirror) = &mut user.mirror {
             mirror.end();
             outcome.mirrored = mirror.frames();
@@ -204,14 +204,18 @@ impl User {
         }
     }
 
-    /// Ends what the hands are in the middle of: nothing sticks while nobody listens.
-    fn put_down(&mut self, app: &mut App) {
+    /// Ends what the hands are in the middle of: nothing sticks while nobody listens. The last frame gets the reports of what that
+    /// completed.
+    fn put_down(&mut self, app: &mut App, outcome: &mut VrOutcome) {
         self.clock.pause();
         let Some(hands) = self.hands.as_mut().filter(|h| h.is_busy()) else { return };
         let mut commands = Vec::new();
         hands.put_down(&mut commands);
         for command in commands {
-            app.scene.edit(command);
+            let edits = app.scene.edit(command);
+            if let Some(last) = outcome.frames.last_mut() {
+                last.report.edits.extend(edits);
+            }
         }
     }
 }
@@ -252,7 +256,7 @@ fn session(
         }
         let rests = user.leaving || !headset.life.is_seen();
         if rests {
-            user.put_down(app);
+            user.put_down(app, outcome);
             headset.end(&state, None, None)?;
             outcome.rested += u64::from(!user.leaving);
             continue;
