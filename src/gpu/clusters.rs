@@ -23,7 +23,7 @@ struct Part {
 
 const UNMOVED: u32 = u32::MAX;
 
-/// Bounds of every [`CLUSTER`] face slots of one tissue, in the pose they were last asked for.
+/// Bounds of every 1024 face slots of one tissue, in the pose they were last asked for.
 #[derive(Debug, Default)]
 pub struct Clusters {
     parts: Vec<Vec<Part>>,
