@@ -54,6 +54,8 @@ pub struct Context {
     /// What the driver reported first, out of turn.
     failure: Arc<OnceLock<String>>,
     pipelines: AtomicU64,
+    /// [`Context::samples_of`] as far as it was asked: the driver takes its time to answer.
+    samples: Mutex<Vec<(wgpu::TextureFormat, u32)>>,
 }
 
 /// Format of the pictures.
@@ -84,7 +86,8 @@ impl Context {
         let info = adapter.get_info();
         let failure = watch(&device);
         let queue = Mutex::new(queue);
-        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue, failure, pipelines: AtomicU64::new(0) }
+        let (pipelines, samples) = (AtomicU64::new(0), Mutex::default());
+        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue, failure, pipelines, samples }
     }
 
     /// Another device on the same adapter, after this one was lost. Errors: the adapter is gone too.
@@ -150,6 +153,16 @@ impl Context {
 
     /// Samples a pixel of pictures of a colour format: 4 where colour and depth formats take it, else 1.
     pub fn samples_of(&self, format: wgpu::TextureFormat) -> u32 {
+        let mut known = self.samples.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(&(_, samples)) = known.iter().find(|k| k.0 == format) {
+            return samples;
+        }
+        let samples = self.ask_samples_of(format);
+        known.push((format, samples));
+        samples
+    }
+
+    fn ask_samples_of(&self, format: wgpu::TextureFormat) -> u32 {
         let four = |format: wgpu::TextureFormat| {
             let promised = format.guaranteed_format_features(self.device.features()).flags;
             let has = self.adapter.get_texture_format_features(format).flags;
