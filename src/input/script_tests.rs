@@ -179,6 +179,8 @@ fn values_without_sense_are_errors_that_name_the_line() {
         ("seed = 1\nframes = 0".to_owned(), 2, "frames"),
         ("seed = -1".to_owned(), 1, "seed"),
         ("[camera]\neye = [0, inf, 0]".to_owned(), 2, "eye"),
+        ("[camera]\neye = [nan, 0, 1]".to_owned(), 2, "eye"),
+        ("[[action]]\nkind = \"undo\"\nat = 1e12".to_owned(), 1, "frames"),
         ("[camera]\neye = [1, 2, 3]\ntarget = [1, 2, 3]".to_owned(), 2, "target"),
         ("[camera]\nup = [0, 0, 0]".to_owned(), 2, "up"),
         ("[camera]\nfov_y = 4.0".to_owned(), 2, "fov_y"),
@@ -231,7 +233,7 @@ fn planes_are_normalised_and_degenerate_ones_refused() {
 fn bundled_scripts_parse() {
     for (name, text) in BUNDLED {
         let s = Script::parse(text, Path::new(name)).unwrap_or_else(|e| panic!("{e}"));
-        assert!(s.model.is_some() && s.animation.is_some() && s.actions.len() >= 2, "{name}");
+        assert!(s.model.is_some() && s.actions.len() >= 2, "{name}");
         assert!(s.actions.iter().any(|a| matches!(a.kind, ActionKind::Tear { .. })), "{name}");
         assert!((90..900).contains(&s.total_frames()), "{name}: {}", s.total_frames());
     }

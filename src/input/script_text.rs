@@ -160,7 +160,17 @@ fn check(raw: RawScript, text: &str, origin: &Path) -> Checked<Script> {
     let mut actions = Vec::with_capacity(raw.actions.len());
     for spanned in raw.actions {
         let line = line_of(text, spanned.span().start);
-        actions.push(action(spanned, line)?);
+        let span = spanned.span();
+        let action = action(spanned, line)?;
+        let lasts = action.end() / step.unwrap_or(default.step);
+        if frames.is_none() && lasts > f64::from(Script::MOST_FRAMES) {
+            let most = Script::MOST_FRAMES;
+            return fault(
+                span,
+                format!("the action ends after {lasts:.3e} frames, {most} are the most; give `frames` to end sooner"),
+            );
+        }
+        actions.push(action);
     }
     actions.sort_by(|a, b| a.at.total_cmp(&b.at));
     Ok(Script {
@@ -205,7 +215,11 @@ fn integer(key: &str, value: Option<&Spanned<i64>>, low: i64, high: i64) -> Chec
 fn point(key: &str, value: &Point) -> Checked<DVec3> {
     let p = DVec3::from(*value.get_ref());
     // Beyond this the exact predicates would overflow; nothing a model can hold is that far.
-    if p.abs().max_element() <= 1e12 { Ok(p) } else { fault(value.span(), format!("{key} has to be three finite numbers")) }
+    if p.abs().cmple(DVec3::splat(1e12)).all() {
+        Ok(p)
+    } else {
+        fault(value.span(), format!("{key} has to be three finite numbers"))
+    }
 }
 
 fn optional_point(key: &str, value: Option<&Point>) -> Checked<Option<DVec3>> {

@@ -219,7 +219,7 @@ impl Network {
 
     /// The row of a particle, if there is one and all of `inputs` are finite and of sane size; else counts a refusal.
     fn accept(&mut self, particle: ParticleId, inputs: &[DVec3]) -> Option<usize> {
-        let sound = inputs.iter().all(|x| x.is_finite() && x.abs().max_element() <= INPUT_LIMIT);
+        let sound = inputs.iter().all(|x| x.abs().cmple(DVec3::splat(INPUT_LIMIT)).all());
         let row = self.row_of.get(particle.0 as usize).filter(|_| sound).map(|row| *row as usize);
         if row.is_none() {
             self.refused += 1;
