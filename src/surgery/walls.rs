@@ -21,6 +21,8 @@ pub struct Facets {
     /// Facets (bits) that a rim does not pass through on its way round a corner: the joint that the blade comes from, whose
     /// corners are vertices of the rim already.
     pub avoided: u16,
+    /// For each corner (bits), where it was looked at: whether it lies inside the solid.
+    pub seen_inside: Option<u8>,
 }
 
 impl Facets {
@@ -139,6 +141,8 @@ pub struct Walls {
 }
 
 const NONE: u32 = u32::MAX;
+/// What is no farther from a plane than this lies in it, in sizes of the body: as far as positions are stored.
+const FLAT: f64 = 1e-6;
 
 impl Walls {
     /// Builds the walls that close `rim` on the body with these `planes` and `facets`. Sorts `rim`.
@@ -149,13 +153,22 @@ impl Walls {
         self.link(rim);
         self.label(rim, planes, facets);
         self.find_edges(facets);
-        for i in 0..rim.len() {
-            if !self.used[i] {
-                self.collect_ring(i);
-                self.lay_ring(facets);
+        self.lay_rings(facets);
+        self.find_flags(planes, facets);
+        let wrong = self.contradictions(facets);
+        if wrong > 0 {
+            let labels = self.labels.clone();
+            self.flatten_rings(planes, facets);
+            self.link(rim);
+            self.lay_rings(facets);
+            self.find_flags(planes, facets);
+            if self.contradictions(facets) >= wrong {
+                self.labels = labels;
+                self.link(rim);
+                self.lay_rings(facets);
+                self.find_flags(planes, facets);
             }
         }
-        self.find_flags(planes, facets);
         for e in 0..self.edges.len() {
             self.join_along(e, facets);
         }
@@ -166,19 +179,54 @@ impl Walls {
     fn clear(&mut self) {
         self.points.clear();
         self.triangles.clear();
-        self.unclosed_edges = 0;
         self.edges.clear();
+        self.corner_chains.clear();
+        self.corner_points.clear();
+    }
+
+    fn lay_rings(&mut self, facets: &Facets) {
         self.chains.clear();
         self.chain_points.clear();
         self.crossings.clear();
-        self.corner_chains.clear();
-        self.corner_points.clear();
         self.outlines.clear();
         self.outline_points.clear();
+        for i in 0..self.next.len() {
+            if !self.used[i] {
+                self.collect_ring(i);
+                self.lay_ring(facets);
+            }
+        }
+    }
+
+    /// Corners that are not where they were seen. Where the body goes over a wall in the plane of one of its facets, rounding makes
+    /// slivers of a rim, and they may seem to go round an end of the body.
+    fn contradictions(&self, facets: &Facets) -> usize {
+        let differs = |c: usize, seen: u8| (self.flags[c] > 0) != (seen >> c & 1 == 1);
+        facets.seen_inside.map_or(0, |seen| (0..8).filter(|&c| differs(c, seen)).count())
+    }
+
+    /// Lays every ring that runs in the plane of one facet onto that facet, but for the joint that the blade comes from.
+    fn flatten_rings(&mut self, planes: &[Plane], facets: &Facets) {
+        let size = facets.corners.iter().map(|c| c.distance(facets.corners[0])).fold(f64::MIN_POSITIVE, f64::max);
+        let mut seen = vec![false; self.next.len()];
+        for start in 0..self.next.len() {
+            let mut ring = Vec::new();
+            let mut at = start as u32;
+            while at != NONE && !std::mem::replace(&mut seen[at as usize], true) {
+                ring.push(at as usize);
+                at = self.next[at as usize];
+            }
+            let is_flat = |k: &usize| ring.iter().all(|&i| planes[*k].distance(self.points[i].1).abs() <= FLAT * size);
+            let flat = (0..planes.len()).filter(|k| facets.avoided >> k & 1 == 0).find(is_flat);
+            if let Some(k) = flat.filter(|_| at as usize == start) {
+                ring.iter().for_each(|&i| self.labels[i] = k as u8);
+            }
+        }
     }
 
     /// Which edge follows which; edges of chains with a free end count as used.
     fn link(&mut self, rim: &[RimEdge]) {
+        self.unclosed_edges = 0;
         self.next.clear();
         self.next.resize(rim.len(), NONE);
         self.used.clear();

@@ -249,6 +249,9 @@ impl TearStroke {
         let margin = DVec3::splat(reach);
         let hit = report.stages.time("perform_tear", || {
             planes.faces_within(tissue, (low - margin, high + margin), &mut self.candidates);
+            if self.wall == WallMode::Closed && self.meets_old_walls(tissue) {
+                planes.facets.seen_inside = Some(corners_inside(tissue, &planes.facets.corners));
+            }
             let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
             let (at, seen) = (tear_box.blades[1][1], &self.positions);
             let walls = (self.wall == WallMode::Closed).then(|| WallSpec {
@@ -276,6 +279,13 @@ impl TearStroke {
             self.boxes.push(tear_box.clone());
         }
         self.reports.push(report);
+    }
+
+    /// True if the box meets walls of others than the box before it.
+    fn meets_old_walls(&self, tissue: &Tissue) -> bool {
+        let is_new = |f: &FaceId| self.end_wall.binary_search(f).is_ok() || self.other_walls.binary_search(f).is_ok();
+        let is_wall = |f: &FaceId| tissue.mesh.is_live(*f) && tissue.mesh.face_info(*f).origin == u32::MAX;
+        self.candidates.iter().any(|f| is_wall(f) && !is_new(f))
     }
 
     /// Remembers the walls and lips of the last box for the next.
@@ -358,12 +368,25 @@ impl TearStroke {
 /// made of.
 fn is_buried(tissue: &Tissue, tear_box: &TearBox) -> bool {
     let centre = tear_box.corners().iter().sum::<DVec3>() / 8.0;
+    is_inside(tissue, centre, (tear_box.blades[0][1] - tear_box.blades[0][0]).normalize_or(DVec3::Y))
+}
+
+/// True if the first thing that a look from `p` along `way` meets is seen from within.
+fn is_inside(tissue: &Tissue, p: DVec3, way: DVec3) -> bool {
     let (low, high) = tissue.sections_extent();
-    if centre.cmplt(low).any() || centre.cmpgt(high).any() {
+    if p.cmplt(low).any() || p.cmpgt(high).any() {
         return false;
     }
-    let outside = centre + (tear_box.blades[0][1] - tear_box.blades[0][0]).normalize_or(DVec3::Y) * 2.0 * (high - low).length();
-    tissue.blade_entry(outside, centre).is_some_and(|(s, _)| s == 0.0)
+    tissue.blade_entry(p + way * 2.0 * (high - low).length(), p).is_some_and(|(s, _)| s == 0.0)
+}
+
+/// Corners of a box (bits) that lie inside the tissue, looked at from a little within the box: it may share planes with walls.
+fn corners_inside(tissue: &Tissue, corners: &[DVec3; 8]) -> u8 {
+    let centre = corners.iter().sum::<DVec3>() / 8.0;
+    // in no plane that a blade is likely to move in
+    let way = DVec3::new(0.536_1, 0.741_7, 0.403_3).normalize();
+    let inside = |p: DVec3| is_inside(tissue, p.lerp(centre, 0.02), way);
+    corners.iter().enumerate().fold(0, |bits, (c, &p)| bits | u8::from(inside(p)) << c)
 }
 
 /// The vertex of `faces` that is seen nearest to `p`; dead faces are passed over. `position` gives final positions.
