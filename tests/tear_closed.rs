@@ -287,6 +287,46 @@ fn walls_along_straight_lips_have_no_face_without_area() {
 }
 
 /// One pose a frame, or all at once: the same bits while the tissue rests.
+/// A blade that goes back and forth in its own slot takes out what one pass does, and nothing else: the walls of the way back lie in
+/// the planes of the first walls, up to the rounding of their corners.
+#[test]
+fn sawing_takes_out_what_one_pass_does() {
+    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+    for (name, faces, seed) in
+        [("sphere", 800, 8), ("heart", 3000, 5), ("heart", 3000, 19), ("sphere", 800, 43), ("heart", 3000, 33)]
+    {
+        let random = |k: u64| {
+            let x = (seed as f64 * 12.9898 + k as f64 * 78.233).sin() * 43_758.545_3;
+            2.0 * (x - x.floor()) - 1.0
+        };
+        let (scene, ..) = still_scene(name, faces);
+        let (low, high) = scene.tissues().next().expect("a tissue").1.bounds();
+        let radius = 0.5 * (high - low).min_element();
+        let down = DVec3::new(random(0), random(1), random(2)).normalize();
+        let along = down.cross(DVec3::new(random(3), random(4), random(5))).normalize();
+        let pose = |t: f64, x: f64| {
+            let at = (low + high) / 2.0 + along * (0.9 * radius * x) + down.cross(along) * (0.1 * radius);
+            BladePose { t, tip: at + down * (0.4 * radius), base: at + down * (2.0 * radius) }
+        };
+        let removed = |count: usize, turns: f64| {
+            let (mut scene, ..) = still_scene(name, faces);
+            scene.set_wall(WallMode::Closed);
+            let share = |k: usize| k as f64 / (count - 1) as f64;
+            let way = |k: usize| pose(2.0 * share(k), (std::f64::consts::PI * turns * share(k)).cos());
+            let poses: Vec<BladePose> = (0..count).map(way).collect();
+            let report = stroke(&mut scene, 0.02 * radius, &poses);
+            assert!(all_closed(&scene));
+            report.volume_before - report.pieces.iter().map(|p| p.volume).sum::<f64>()
+        };
+        let once = removed(8, 1.0);
+        let sawn = removed(43, 6.0);
+        worst = worst.max((sawn - once).abs() / once);
+        largest = largest.max(once);
+    }
+    println!("sawing against one pass: {worst:.1e} of what is removed");
+    assert!(largest > 0.0 && worst < 2e-3, "{worst:e}");
+}
+
 #[test]
 fn live_and_offline_give_the_same_bits() {
     let torn = |live: bool| {
