@@ -319,6 +319,18 @@ fn a_blade_in_the_hand_means_a_plane() {
             assert!(least > -1e-6 || most < 1e-6, "the plane of the sweep parts the pieces: {least:e} {most:e}");
         }
     }
+    // where the bend has taken the beam, and not where it lay
+    let (mut bent, _) = scene("beam", 2400);
+    bent.set_animation(Some(0));
+    bent.pose(0.5, 0.5);
+    let (_, tissue) = bent.tissues().next().unwrap();
+    let far = tissue.mesh().live_vertices().map(|v| tissue.to_model(tissue.position(v)));
+    let far = far.max_by(|a, b| a.y.abs().total_cmp(&b.y.abs())).unwrap();
+    assert!(far.y.abs() > 0.1, "{far}");
+    let blade = |z: f64| BladePose { t: 0.0, tip: DVec3::new(far.x, far.y - 0.02, z), base: DVec3::new(far.x, far.y + 0.02, z) };
+    let poses = vec![blade(-0.4), blade(0.4)];
+    let report = bent.edit(EditCommand::CutByBlade { poses, closed: true }).pop().unwrap();
+    assert_eq!((report.outcome, report.pieces.len()), (Outcome::Cut, 2));
     let (mut scene, _) = scene("beam", 2400);
     let stab: Vec<BladePose> = (0..40).map(|k| pose(0.0, 0.5 - 0.02 * f64::from(k), 0.0)).collect();
     let beside = vec![pose(2.0, 0.0, -0.4), pose(2.0, 0.0, 0.4)];

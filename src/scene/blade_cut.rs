@@ -16,7 +16,8 @@ const MOST_LOOKS: f64 = 1000.0;
 impl Scene {
     /// The plane through the point where the blade first touches anything on its way through `poses` (model space), and through the
     /// blade's two ends a step later; `None` if it touches nothing, or the three stay in line.
-    pub fn plane_of_blade(&self, poses: &[BladePose]) -> Option<Plane> {
+    pub fn plane_of_blade(&mut self, poses: &[BladePose]) -> Option<Plane> {
+        self.refresh_sections();
         let diagonal = self.tissues.values().map(|t| t.diagonal()).fold(0.0, f64::max);
         let step = STEP * diagonal;
         let mut hand = PlaneFromHand::new(step);
@@ -36,8 +37,14 @@ impl Scene {
         None
     }
 
-    /// Where a blade meets the first tissue on its way from its base to its tip.
-    fn first_touch(&self, pose: &BladePose) -> Option<DVec3> {
+    /// Brings what [`Scene::first_touch`] looks by to the current poses.
+    pub fn refresh_sections(&mut self) {
+        self.tissues.values_mut().for_each(crate::tissue::Tissue::refresh_sections);
+    }
+
+    /// Where a blade (model space) meets the first tissue on its way from its base to its tip. Call [`Scene::refresh_sections`]
+    /// first.
+    pub fn first_touch(&self, pose: &BladePose) -> Option<DVec3> {
         let entries = self.tissues.values().filter_map(|t| t.blade_entry(t.to_tissue(pose.tip), t.to_tissue(pose.base)));
         let s = entries.map(|e| e.0).min_by(f64::total_cmp)?;
         Some(pose.base.lerp(pose.tip, s))

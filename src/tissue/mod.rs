@@ -433,8 +433,8 @@ impl Tissue {
         self.position(v) + self.linear(v) * (rest - self.rest[v.index()])
     }
 
-    /// Brings the section bounds to the current pose.
-    fn refresh_sections(&mut self) {
+    /// Brings the section bounds to the current pose: [`Tissue::blade_entry`] looks by them. Costs next to nothing while the pose stays.
+    pub fn refresh_sections(&mut self) {
         let version = self.versions.pose;
         self.sections.posed(&self.pose, version);
         self.refresh_turn_reach();

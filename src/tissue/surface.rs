@@ -99,7 +99,7 @@ impl Tissue {
     }
 
     /// Where the segment `base -> tip` first meets the surface: parameter 0 to 1 from the base, and the face. Touching counts.
-    /// A base that lies inside a closed surface gives 0.
+    /// A base that lies inside a closed surface gives 0. Call [`Tissue::refresh_sections`] first.
     pub fn blade_entry(&self, tip: DVec3, base: DVec3) -> Option<(f64, FaceId)> {
         self.blade_entry_at(tip, base, |v| self.position(v))
     }

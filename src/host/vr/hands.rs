@@ -284,7 +284,7 @@ impl Hands {
         let near =
             blade.zip(grip_point).is_some_and(|(blade, grip)| [blade.tip, grip].iter().any(|&p| within(p, bounds, NEAR * room)));
         if let Some(blade) = blade.filter(|b| within(b.tip, bounds, NEAR * room)) {
-            out.felt.touches[hand] = touches(scene, &blade);
+            out.felt.touches[hand] = scene.first_touch(&blade).is_some();
         }
         let begins = grab && !self.grips[hand].squeezes && self.grips[hand].holds.is_none();
         let grip = &mut self.grips[hand];
@@ -428,14 +428,6 @@ impl Hands {
 
 fn within(p: DVec3, (low, high): (DVec3, DVec3), margin: f64) -> bool {
     p.cmpge(low - margin).all() && p.cmple(high + margin).all()
-}
-
-/// True if the blade goes through the surface of some tissue.
-fn touches(scene: &Scene, blade: &BladePose) -> bool {
-    scene.tissues().any(|(_, t)| {
-        let frame = t.frame();
-        t.blade_entry(frame.point_in(blade.tip), frame.point_in(blade.base)).is_some()
-    })
 }
 
 #[cfg(test)]

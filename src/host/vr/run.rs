@@ -397,6 +397,7 @@ fn frame(
         }
         let seen = headset.bounds();
         let bounds = if seen.is_empty() { visible_bounds(app) } else { (seen.min, seen.max) };
+        app.scene.refresh_sections();
         let around = Around { scene: &app.scene, bounds, head: &head, on_panel, step_s };
         hands.frame(&input, &around, &mut user.output);
         user.output.commands.append(&mut user.frame.commands);
