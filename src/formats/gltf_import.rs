@@ -6,6 +6,7 @@ use super::gltf_rig::{self, ImportedRig, warn_once};
 use super::material::{Material, Texture, decode};
 use super::stored::{Dress, Stored, StoredFace};
 use super::{FormatError, LoadReport, Model, assemble};
+use crate::geometry::cofactor;
 use crate::rig::{BoneWeight, Joint};
 use glam::{DAffine3, DMat3, DVec3};
 use gltf::json;
@@ -253,11 +254,6 @@ fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
 
 fn widen(p: [f32; 3]) -> DVec3 {
     DVec3::from_array(p.map(f64::from))
-}
-
-/// Cofactor matrix: how area vectors transform.
-fn cofactor(m: DMat3) -> DMat3 {
-    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
 }
 
 /// The texture coordinate set that the material's base colour texture names.

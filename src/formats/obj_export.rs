@@ -2,7 +2,7 @@
 
 use super::gltf_export::ExportPiece;
 use super::obj::TOPOLOGY_COMMENT;
-use crate::geometry::{Mesh, VertexId, WedgeId};
+use crate::geometry::{Mesh, VertexId, WedgeId, cofactor};
 use crate::rig::{Pose, VertexRows};
 use glam::DVec3;
 use std::fmt::Write;
@@ -64,7 +64,5 @@ fn write_wedges(out: &mut String, mesh: &Mesh, rows: &VertexRows, pose: &Pose, n
 /// The cofactor of the blended matrix takes normals along (MATHS 2.3).
 fn posed_normal(mesh: &Mesh, rows: &VertexRows, pose: &Pose, w: WedgeId, v: VertexId) -> DVec3 {
     let normal = DVec3::from_array(mesh.wedge(w).normal.map(f64::from));
-    let a = pose.blended_linear(rows, v);
-    let turned = a.y_axis.cross(a.z_axis) * normal.x + a.z_axis.cross(a.x_axis) * normal.y + a.x_axis.cross(a.y_axis) * normal.z;
-    turned.normalize_or(normal)
+    (cofactor(pose.blended_linear(rows, v)) * normal).normalize_or(normal)
 }

@@ -33,4 +33,4 @@ pub use section_graph::{Part, SectionGraph};
 pub use topology::{NewFace, SplitVertex, TopologyScratch};
 pub use tracked::{Delta, Tracked};
 pub use triangulate::{NO_OPPOSITE, TriangulationOutcome, Triangulator};
-pub use turn::Turn;
+pub use turn::{Turn, cofactor};

@@ -31,6 +31,11 @@ impl Turn {
     }
 }
 
+/// Cofactor matrix of `m`: how area vectors transform where points do by `m` (MATHS 2.3).
+pub fn cofactor(m: DMat3) -> DMat3 {
+    DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis))
+}
+
 /// How strongly the fit leans towards no rotation, relative to the offsets' moments: it decides only what the offsets leave
 /// open (all on one line, all zero).
 const LEANING: f64 = 1e-10;

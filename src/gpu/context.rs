@@ -53,6 +53,7 @@ pub struct Context {
     kind: AdapterKind,
     /// What the driver reported first, out of turn.
     failure: Arc<OnceLock<String>>,
+    deforms: bool,
     pipelines: AtomicU64,
     /// [`Context::samples_of`] as far as it was asked: the driver takes its time to answer.
     samples: Mutex<Vec<(wgpu::TextureFormat, u32)>>,
@@ -86,8 +87,9 @@ impl Context {
         let info = adapter.get_info();
         let failure = watch(&device);
         let queue = Mutex::new(queue);
+        let deforms = device.limits().max_storage_buffers_per_shader_stage >= DEFORM_STORAGE_BUFFERS;
         let (pipelines, samples) = (AtomicU64::new(0), Mutex::default());
-        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue, failure, pipelines, samples }
+        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue, failure, deforms, pipelines, samples }
     }
 
     /// Another device on the same adapter, after this one was lost. Errors: the adapter is gone too.
@@ -143,7 +145,7 @@ impl Context {
 
     /// True if shaders may read enough buffers for the deform pass; else the CPU deforms ([`super::cpu_deform`]).
     pub fn deforms(&self) -> bool {
-        self.device.limits().max_storage_buffers_per_shader_stage >= DEFORM_STORAGE_BUFFERS
+        self.deforms
     }
 
     /// Samples a pixel of our own pictures: 4 where the adapter has them, else 1.

@@ -2,7 +2,7 @@
 //! does: the twin of `shaders/deform.wgsl` and `shaders/normals.wgsl`, in f64, written where they would write.
 
 use super::view::TissueView;
-use crate::geometry::{VertexId, WedgeId};
+use crate::geometry::{VertexId, WedgeId, cofactor};
 use crate::rig::{Fades, displaced};
 use glam::{DMat3, DVec3, Vec3};
 
@@ -110,10 +110,4 @@ fn place(view: &TissueView<'_>, v: VertexId, fading: bool) -> (DVec3, bool) {
         }
     }
     (position, moved)
-}
-
-/// Area vectors transform by it (MATHS 2.3).
-fn cofactor(m: DMat3) -> DMat3 {
-    let [x, y, z] = [m.x_axis, m.y_axis, m.z_axis];
-    DMat3::from_cols(y.cross(z), z.cross(x), x.cross(y))
 }

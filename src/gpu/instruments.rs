@@ -7,6 +7,7 @@ use super::pipelines::{PipelineFamily, PipelineKey, Shape};
 use super::stage::{Stage, storage_entry};
 use super::tool_meshes::{Stuff, ToolMeshes};
 use super::types::{ToolPlace, ToolVertex};
+use crate::geometry::cofactor;
 use glam::{DAffine3, DMat3, DVec3};
 use std::ops::Range;
 
@@ -51,11 +52,7 @@ impl Instrument {
     fn place(&self) -> ToolPlace {
         let place = self.world_from_tool;
         let linear = place.matrix3;
-        let cofactor = DMat3::from_cols(
-            linear.y_axis.cross(linear.z_axis),
-            linear.z_axis.cross(linear.x_axis),
-            linear.x_axis.cross(linear.y_axis),
-        );
+        let cofactor = cofactor(linear);
         // Of no size of its own: the shader makes normals unit, and those of a tiny or huge tool would be out of its range.
         let largest = cofactor.to_cols_array().iter().fold(0.0f64, |m, x| m.max(x.abs())).max(f64::MIN_POSITIVE);
         let rows = |m: DMat3, t: DVec3| [0, 1, 2].map(|k| m.row(k).extend(t[k]).as_vec4().to_array());

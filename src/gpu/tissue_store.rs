@@ -329,11 +329,11 @@ impl GpuTissue {
             self.joints.clone_from(joints);
             self.clusters.moved();
         }
+        self.stale.all |= pose || fades || rotations;
         if displacements {
             let vector = |p: usize| view.displacements[p].as_vec3().extend(0.0).to_array();
             arenas.upload(ArenaKind::Vectors, self.slots.displacements, 0..view.displacements.len(), vector);
             self.largest_displacement = view.displacements.iter().map(|u| u.length()).fold(0.0, f64::max);
-            self.stale.all |= pose || fades || rotations;
             self.note_displaced(view);
         }
         if rotations {
@@ -350,7 +350,6 @@ impl GpuTissue {
         if fades || self.fades.len() < view.fades.len() {
             self.upload_fades(arenas, view);
         }
-        self.stale.all |= pose || fades || rotations;
     }
 
     /// Finds the particles whose displacement is another than it was, if that is all that has changed and it is known what hangs on

@@ -39,6 +39,11 @@ impl Facets {
         &all[..*len]
     }
 
+    /// Distance of the corner farthest from the first, metres; never 0.
+    fn size(&self) -> f64 {
+        self.corners.iter().map(|c| c.distance(self.corners[0])).fold(f64::MIN_POSITIVE, f64::max)
+    }
+
     /// Bits of the planes whose facets hold corner `c`.
     pub fn planes_at(&self, c: u8) -> u16 {
         (0..self.cycles.len()).filter(|&k| self.cycle(k).contains(&c)).fold(0, |m, k| m | 1 << k)
@@ -122,6 +127,8 @@ pub struct Walls {
     /// Result: rim edges that belong to no closed loop, and get no wall.
     pub unclosed_edges: usize,
     next: Vec<u32>,
+    /// Edges of chains with a free end.
+    open: Vec<bool>,
     labels: Vec<u8>,
     used: Vec<bool>,
     ring: Vec<u32>,
@@ -159,12 +166,10 @@ impl Walls {
         if wrong > 0 {
             let labels = self.labels.clone();
             self.flatten_rings(planes, facets);
-            self.link(rim);
             self.lay_rings(facets);
             self.find_flags(planes, facets);
             if self.contradictions(facets) >= wrong {
                 self.labels = labels;
-                self.link(rim);
                 self.lay_rings(facets);
                 self.find_flags(planes, facets);
             }
@@ -190,6 +195,7 @@ impl Walls {
         self.crossings.clear();
         self.outlines.clear();
         self.outline_points.clear();
+        self.used.clone_from(&self.open);
         for i in 0..self.next.len() {
             if !self.used[i] {
                 self.collect_ring(i);
@@ -207,30 +213,27 @@ impl Walls {
 
     /// Lays every ring that runs in the plane of one facet onto that facet, but for the joint that the blade comes from.
     fn flatten_rings(&mut self, planes: &[Plane], facets: &Facets) {
-        let size = facets.corners.iter().map(|c| c.distance(facets.corners[0])).fold(f64::MIN_POSITIVE, f64::max);
-        let mut seen = vec![false; self.next.len()];
+        let thin = FLAT * facets.size();
+        self.used.clone_from(&self.open);
         for start in 0..self.next.len() {
-            let mut ring = Vec::new();
-            let mut at = start as u32;
-            while at != NONE && !std::mem::replace(&mut seen[at as usize], true) {
-                ring.push(at as usize);
-                at = self.next[at as usize];
+            if self.used[start] {
+                continue;
             }
-            let is_flat = |k: &usize| ring.iter().all(|&i| planes[*k].distance(self.points[i].1).abs() <= FLAT * size);
-            let flat = (0..planes.len()).filter(|k| facets.avoided >> k & 1 == 0).find(is_flat);
-            if let Some(k) = flat.filter(|_| at as usize == start) {
-                ring.iter().for_each(|&i| self.labels[i] = k as u8);
+            self.collect_ring(start);
+            let is_flat = |k: &usize| self.ring.iter().all(|&i| planes[*k].distance(self.points[i as usize].1).abs() <= thin);
+            if let Some(k) = (0..planes.len()).filter(|k| facets.avoided >> k & 1 == 0).find(is_flat) {
+                self.ring.iter().for_each(|&i| self.labels[i as usize] = k as u8);
             }
         }
     }
 
-    /// Which edge follows which; edges of chains with a free end count as used.
+    /// Which edge follows which, and which are on chains with a free end.
     fn link(&mut self, rim: &[RimEdge]) {
         self.unclosed_edges = 0;
         self.next.clear();
         self.next.resize(rim.len(), NONE);
-        self.used.clear();
-        self.used.resize(rim.len(), false);
+        self.open.clear();
+        self.open.resize(rim.len(), false);
         let mut follows = vec![false; rim.len()];
         for i in 0..rim.len() {
             let mut at = rim.partition_point(|e| e.from < rim[i].to);
@@ -245,7 +248,7 @@ impl Walls {
         for i in (0..rim.len()).filter(|&i| !follows[i]) {
             let mut at = i as u32;
             while at != NONE {
-                self.used[at as usize] = true;
+                self.open[at as usize] = true;
                 self.unclosed_edges += 1;
                 at = self.next[at as usize];
             }
@@ -350,7 +353,7 @@ impl Walls {
             return Vec::new();
         }
         let n = facets.cycles.len();
-        let hop = 1e-9 * facets.corners.iter().map(|c| c.distance(facets.corners[0])).fold(f64::MIN_POSITIVE, f64::max);
+        let hop = 1e-9 * facets.size();
         let (mut cost, mut before, mut done) = (vec![f64::INFINITY; n], vec![NONE; n], vec![false; n]);
         cost[from as usize] = 0.0;
         for _ in 0..n {

@@ -368,12 +368,11 @@ impl TearStroke {
 /// made of.
 fn is_buried(tissue: &Tissue, tear_box: &TearBox) -> bool {
     let centre = tear_box.corners().iter().sum::<DVec3>() / 8.0;
-    is_inside(tissue, centre, (tear_box.blades[0][1] - tear_box.blades[0][0]).normalize_or(DVec3::Y))
+    is_inside(tissue, tissue.sections_extent(), centre, (tear_box.blades[0][1] - tear_box.blades[0][0]).normalize_or(DVec3::Y))
 }
 
-/// True if the first thing that a look from `p` along `way` meets is seen from within.
-fn is_inside(tissue: &Tissue, p: DVec3, way: DVec3) -> bool {
-    let (low, high) = tissue.sections_extent();
+/// True if the first thing that a look from `p` along `way` meets is seen from within. `low` and `high` bound the tissue.
+fn is_inside(tissue: &Tissue, (low, high): (DVec3, DVec3), p: DVec3, way: DVec3) -> bool {
     if p.cmplt(low).any() || p.cmpgt(high).any() {
         return false;
     }
@@ -385,7 +384,8 @@ fn corners_inside(tissue: &Tissue, corners: &[DVec3; 8]) -> u8 {
     let centre = corners.iter().sum::<DVec3>() / 8.0;
     // in no plane that a blade is likely to move in
     let way = DVec3::new(0.536_1, 0.741_7, 0.403_3).normalize();
-    let inside = |p: DVec3| is_inside(tissue, p.lerp(centre, 0.02), way);
+    let extent = tissue.sections_extent();
+    let inside = |p: DVec3| is_inside(tissue, extent, p.lerp(centre, 0.02), way);
     corners.iter().enumerate().fold(0, |bits, (c, &p)| bits | u8::from(inside(p)) << c)
 }
 
