@@ -52,6 +52,7 @@ pub fn edit(report: &EditReport) -> Value {
         "faces_visited": report.faces_visited,
         "bytes_uploaded": report.bytes_uploaded,
         "time_ms": stages(&report.stages),
+        "measuring_ms": report.measuring.total(),
     });
     match report.kind {
         "cut" => {

@@ -23,8 +23,6 @@ pub struct Measures {
     pub non_manifold_edges: usize,
     /// Faces with a repeated vertex or an area of exactly zero.
     pub degenerate_faces: usize,
-    /// Smallest corner angle, radians; infinite without faces.
-    pub smallest_angle: f64,
     /// Lowest coordinates of the vertices in use; infinite without faces.
     pub min: DVec3,
     /// Highest coordinates of the vertices in use; minus infinity without faces.
@@ -56,7 +54,6 @@ impl Measures {
         boundary_edges: 0,
         non_manifold_edges: 0,
         degenerate_faces: 0,
-        smallest_angle: f64::INFINITY,
         min: DVec3::INFINITY,
         max: DVec3::NEG_INFINITY,
     };
@@ -68,7 +65,6 @@ impl Measures {
         self.volume += other.volume;
         self.vector_area += other.vector_area;
         self.degenerate_faces += other.degenerate_faces;
-        self.smallest_angle = self.smallest_angle.min(other.smallest_angle);
         (self.min, self.max) = (self.min.min(other.min), self.max.max(other.max));
     }
 
@@ -103,32 +99,11 @@ impl Measures {
         self.volume += a.dot(b.cross(c)) / 6.0;
         let repeated = corners[0] == corners[1] || corners[1] == corners[2] || corners[2] == corners[0];
         self.degenerate_faces += usize::from(repeated || cross == DVec3::ZERO);
-        if !wider_than(self.smallest_angle, cross, [a, b, c]) {
-            self.smallest_angle = self.smallest_angle.min(smallest_angle([a, b, c]));
-        }
         for p in [a, b, c] {
             self.min = self.min.min(p);
             self.max = self.max.max(p);
         }
     }
-}
-
-/// True only if every corner angle exceeds `known`, by sines alone: an angle is never below its sine. The margins keep
-/// rounding from hiding a smaller angle. Spares nearly all faces three arctangents.
-fn wider_than(known: f64, cross: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
-    let [ab, bc, ca] = [(b - a).length_squared(), (c - b).length_squared(), (a - c).length_squared()];
-    let bound = known.max(1e-9) * (1.0 + 1e-6);
-    cross.length_squared() > bound * bound * (ab * bc).max(bc * ca).max(ca * ab)
-}
-
-/// Smallest corner angle of a triangle, radians; zero when two corners coincide.
-pub fn smallest_angle(corners: [DVec3; 3]) -> f64 {
-    (0..3)
-        .map(|k| {
-            let (u, v) = (corners[(k + 1) % 3] - corners[k], corners[(k + 2) % 3] - corners[k]);
-            if u == DVec3::ZERO || v == DVec3::ZERO { 0.0 } else { u.cross(v).length().atan2(u.dot(v)) }
-        })
-        .fold(f64::INFINITY, f64::min)
 }
 
 /// Measures all live faces with vertices at `position`.
@@ -193,28 +168,8 @@ mod tests {
         let m = measure(&mesh(&TETRAHEDRON), at);
         assert!((m.volume - 1.0 / 6.0).abs() < 1e-15 && (m.area - (1.5 + 0.75f64.sqrt())).abs() < 1e-15);
         assert!(m.closed() && m.vector_area.length() < 1e-15 && m.degenerate_faces == 0);
-        assert!((m.smallest_angle - std::f64::consts::FRAC_PI_4).abs() < 1e-12);
         let far = measure(&mesh(&TETRAHEDRON), |v| at(v) + DVec3::splat(3.0));
         assert!((far.volume - m.volume).abs() < 1e-13);
-    }
-
-    #[test]
-    fn a_face_is_passed_over_only_if_no_angle_of_it_is_smaller() {
-        let (mut passed, mut taken) = (0, 0);
-        for i in 0..2000 {
-            let at = |k: i32| f64::from((i * 7919 + k * 104_729 + i * i * k) % 1009) / 1009.0;
-            let corners = [0, 3, 6].map(|k| DVec3::new(at(k), at(k + 1), at(k + 2) * f64::from(i % 3) * 1e-5));
-            let cross = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-            let known = f64::from(i % 100 + 1) * 0.01;
-            if wider_than(known, cross, corners) {
-                passed += 1;
-                assert!(smallest_angle(corners) > known);
-            } else {
-                taken += 1;
-            }
-        }
-        assert!(passed > 100 && taken > 100, "{passed} {taken}");
-        assert!(!wider_than(f64::INFINITY, DVec3::Z, [DVec3::ZERO, DVec3::X, DVec3::Y]));
     }
 
     #[test]

@@ -8,6 +8,9 @@ use super::hash::StateHash;
 use bytemuck::Pod;
 use std::ops::{Deref, Range};
 
+/// From this many notes on a delta takes them over, room and all: a copy would take longer than finding room anew.
+const MANY_NOTES: usize = 4096;
+
 /// A growable array whose changes can be taken back. Reads deref to a slice.
 #[derive(Clone, Debug)]
 pub struct Tracked<T> {
@@ -141,9 +144,14 @@ impl<T: Copy> Tracked<T> {
     /// Everything noted since the last call; the notes start anew.
     pub fn take_delta(&mut self) -> Delta<T> {
         self.cut.reverse();
-        // a copy of just the size: the notes keep their room for the next edit
-        let writes = self.log.clone();
-        self.log.clear();
+        let writes = if self.log.len() < MANY_NOTES {
+            // a copy of just the size: the notes keep their room for the next edit
+            let writes = self.log.clone();
+            self.log.clear();
+            writes
+        } else {
+            std::mem::take(&mut self.log)
+        };
         let delta = Delta {
             len: self.start_len,
             writes,

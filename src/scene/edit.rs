@@ -251,7 +251,7 @@ impl Scene {
         for id in self.tissues.keys().copied().collect::<Vec<_>>() {
             let Some(tissue) = self.tissues.get_mut(&id) else { continue };
             let local = in_frame(plane, &tissue.frame());
-            let measured = report.stages.time("report", || tissue.sums().measures);
+            let measured = report.measuring.time("before", || tissue.sums().measures);
             report.area_before += measured.area;
             report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
             let promoted = tissue.promoted_vertices();
@@ -270,11 +270,13 @@ impl Scene {
             report.outcome = Outcome::Cut;
             report.new_vertices += outcome.new_vertices.len();
             report.intersection_points += outcome.intersection_points;
-            let off = outcome.new_vertices.iter().map(|n| local.distance(tissue.position(n.vertex)).abs());
-            report.max_plane_distance = Some(off.fold(report.max_plane_distance.unwrap_or(0.0), f64::max));
+            report.max_plane_distance = report.measuring.time("plane", || {
+                let off = outcome.new_vertices.iter().map(|n| local.distance(tissue.position(n.vertex)).abs());
+                Some(off.fold(report.max_plane_distance.unwrap_or(0.0), f64::max))
+            });
             let rim = self.cut_scratch.split.rim();
             let mut parts = report.stages.time("components", || tissue.parts_after_cut(&local, rim));
-            let mut known: Vec<_> = report.stages.time("report", || {
+            let mut known: Vec<_> = report.measuring.time("pieces", || {
                 parts.iter().map(|part| (tissue.measure_part(part), tissue.side_of_part(part, &local))).collect()
             });
             let largest = (0..parts.len()).max_by_key(|&c| (parts[c].faces, std::cmp::Reverse(c))).unwrap_or(0);
@@ -306,9 +308,11 @@ impl Scene {
         let mut made = Vec::new();
         let Some(tissue) = self.tissues.get_mut(&id) else { return made };
         let pieces = report.stages.time("pieces", || tissue.sever(&parts));
-        note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas);
-        report.bytes_uploaded += deltas.iter().map(|d| d.upload_bytes()).sum::<usize>();
-        report.bytes_uploaded += pieces.iter().map(Tissue::full_upload_bytes).sum::<usize>();
+        report.stages.time("history", || note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas));
+        report.bytes_uploaded += report.measuring.time("bytes", || {
+            let edited = deltas.iter().map(|d| d.upload_bytes()).sum::<usize>();
+            edited + pieces.iter().map(Tissue::full_upload_bytes).sum::<usize>()
+        });
         unit.changes.push(Change::Edited(id, deltas));
         for piece in pieces {
             let new = TissueId(self.next_id);
@@ -324,8 +328,8 @@ impl Scene {
 
     /// Totals over all tissues, and the pieces in CONTRACT's order. `sides` lists tissues with their sides; empty: all.
     pub(super) fn finish_report(&mut self, report: &mut EditReport, sides: Vec<(TissueId, i8)>) {
-        let mut stages = std::mem::take(&mut report.stages);
-        stages.time("report", || {
+        let mut measuring = std::mem::take(&mut report.measuring);
+        measuring.time("after", || {
             let sides = if sides.is_empty() { self.tissues.keys().map(|&id| (id, 0)).collect() } else { sides };
             report.max_row_entries = self.tissues.values().map(Tissue::longest_row).max().unwrap_or(0);
             let tissues = &mut self.tissues;
@@ -335,7 +339,7 @@ impl Scene {
             let piece = |(id, side)| Some(piece_report(id, tissues.get(&id)?, sums.get(&id)?, side));
             report.pieces = sides.into_iter().filter_map(piece).collect();
         });
-        report.stages = stages;
+        report.measuring = measuring;
         if report.kind == "cut" {
             report
                 .pieces

@@ -129,6 +129,8 @@ pub struct EditReport {
     pub bytes_uploaded: usize,
     /// Milliseconds by stage.
     pub stages: Stages,
+    /// Milliseconds that the figures of this report took, which are no part of the edit.
+    pub measuring: Stages,
     /// Tears: one entry a segment.
     pub segments: Vec<SegmentReport>,
 }
