@@ -3,9 +3,10 @@
 mod common;
 
 use glam::DVec3;
-use incise::geometry::VertexId;
+use incise::geometry::{Plane, VertexId};
 use incise::particles::ParticleSettings;
 use incise::physics::NetworkSettings;
+use incise::scene::{EditCommand, EditReport, Outcome, Scene, SceneSettings};
 use incise::surgery::{BladePose, SamplingSettings, WallMode};
 use incise::tissue::stroke::{SegmentReport, TearStroke};
 use incise::tissue::{Tissue, TissueSettings};
@@ -80,4 +81,39 @@ fn later_segments_of_a_long_stroke_cost_no_more() {
         let (early, late) = (mean(&reports[50..150], of), mean(&reports[reports.len() - 100..], of));
         assert!(late < 1.6 * early, "{early} at first, {late} in the end");
     }
+}
+
+#[test]
+fn what_nobody_asks_for_is_not_measured_and_changes_nothing() {
+    let edits = |measuring: bool| {
+        let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
+        let mut scene = Scene::new(sphere(2_000), tools);
+        scene.set_measuring(measuring);
+        let tissue = scene.tissues().next().unwrap().1;
+        let ((low, high), offset) = (tissue.bounds(), tissue.offset());
+        let (centre, size) = ((low + high) / 2.0 + offset, (high - low).min_element());
+        let cut = |normal: DVec3| EditCommand::CutClosed(Plane::Equation { normal, offset: normal.dot(centre) + 0.1 * size });
+        let mut reports = scene.edit(cut(DVec3::Y));
+        // through what the cut left, so that something comes off
+        reports.extend(scene.edit(EditCommand::StrokeBegin { width: 0.01 * size }));
+        for i in 0..12 {
+            let x = DVec3::X * size * (f64::from(i) * 0.12 - 0.66);
+            let (tip, base) = (centre + x - size * DVec3::new(0.0, 0.1, 0.7), centre + x + size * DVec3::new(0.0, -0.1, 0.7));
+            reports.extend(scene.edit(EditCommand::StrokePose(BladePose { t: f64::from(i) / 90.0, tip, base })));
+        }
+        reports.extend(scene.edit(EditCommand::StrokeEnd));
+        reports.extend(scene.edit(cut(DVec3::new(0.2, 1.0, 0.5))));
+        reports.extend(scene.edit(cut(DVec3::X)));
+        (reports, scene.edit_hash(), scene.validate())
+    };
+    let ((told, hash, valid), (untold, same, _)) = (edits(true), edits(false));
+    assert_eq!((hash, valid), (same, Ok(())));
+    let counts = |reports: &[EditReport]| -> Vec<_> {
+        let of =
+            |r: &EditReport| (r.outcome, r.vertices, r.faces, r.pieces.len(), r.pieces.iter().map(|p| p.faces).sum::<usize>());
+        reports.iter().map(of).collect()
+    };
+    assert_eq!(counts(&told), counts(&untold));
+    assert_eq!(told.iter().map(|r| r.outcome).collect::<Vec<_>>(), [Outcome::Cut, Outcome::Severed, Outcome::Cut, Outcome::Cut]);
+    assert!(told.iter().all(|r| r.area_before > 0.0) && untold.iter().all(|r| r.area_before.is_nan()));
 }

@@ -210,6 +210,8 @@ pub fn live_model(request: &Request, tell: Tell) -> Result<Loaded, CliError> {
     let tissue = Tissue::new(model, &tissue_settings(config, Some(particles))).map_err(CliError::input)?;
     let settings = SceneSettings { sampling: config.sampling, sample_distance: None, sample_time: None };
     let mut scene = live_scene(tissue, settings, config.tear.wall, config);
+    // frames wait for its edits
+    scene.set_measuring(false);
     scene.pose(0.0, 0.0);
     Ok(Loaded { scene, name: name.clone(), warnings })
 }

@@ -88,6 +88,7 @@ impl Vr {
         let tools = SceneSettings { sampling: config.sampling, sample_distance: None, sample_time: None };
         let mut scene = live_scene(tissue, tools, config.tear.wall, config);
         scene.set_animation(animation);
+        scene.set_measuring(false); // frames wait for its edits
         scene.pose(0.0, 0.0);
         Ok(scene)
     }

@@ -19,8 +19,8 @@ pub struct Extraction {
     pub section_from: Vec<SectionId>,
     wedge_from: Vec<WedgeId>,
     wedge_to: Vec<WedgeId>,
-    face_to: Vec<FaceId>,
-    section_to: Vec<SectionId>,
+    pub(super) face_to: Vec<FaceId>,
+    pub(super) section_to: Vec<SectionId>,
 }
 
 impl Extraction {

@@ -29,7 +29,7 @@ pub use ids::{FaceId, HalfEdge, ParticleId, SectionId, VertexId, WedgeId};
 pub use measure::Measures;
 pub use mesh::{FaceInfo, Mesh, MeshDelta, Wedge};
 pub use predicates::Plane;
-pub use section_graph::{Part, SectionGraph};
+pub use section_graph::{Part, PartsBefore, SectionGraph};
 pub use topology::{NewFace, SplitVertex, TopologyScratch};
 pub use tracked::{Delta, Tracked};
 pub use triangulate::{NO_OPPOSITE, TriangulationOutcome, Triangulator};

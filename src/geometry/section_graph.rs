@@ -1,8 +1,10 @@
 //! Connected components by sections: which sections hang together in themselves and with which others is kept between edits,
 //! so that finding what a cut has parted looks only at the faces of the sections it went through.
 
+use super::extract::Extraction;
 use super::ids::{FaceId, HalfEdge, SectionId};
-use super::mesh::{Mesh, MeshDelta};
+use super::mesh::{FaceInfo, Mesh, MeshDelta};
+use std::collections::HashMap;
 
 /// What is known of a section.
 #[derive(Clone, Debug, Default)]
@@ -52,29 +54,46 @@ pub struct SectionGraph {
     part_of: Vec<u32>,
 }
 
-impl Mesh {
-    /// Calls `mark` with every section that changed since the last delta was taken.
-    fn sections_touched(&self, mut mark: impl FnMut(SectionId)) {
-        let now = |f: FaceId| self.face_info.get(f.index()).map(|i| i.section);
-        let faces = self.faces.touched().chain(self.opposite.touched()).chain(self.face_info.touched());
+/// Calls `mark` with every section of `mesh` that holds or held a face whose row is among `$notes`: the arrays of a mesh or of a
+/// delta, which both tell what was touched and what was written over.
+macro_rules! mark_touched {
+    ($mesh:expr, $notes:expr, $mark:expr) => {{
+        let (mesh, notes, mut mark): (&Mesh, _, _) = ($mesh, $notes, $mark);
+        let now = |f: FaceId| mesh.face_info.get(f.index()).map(|i| i.section);
+        let faces = notes.faces.touched().chain(notes.opposite.touched()).chain(notes.face_info.touched());
         faces.filter_map(|f| now(FaceId::new(f))).for_each(&mut mark);
-        self.face_info.overwritten().for_each(|i| mark(i.section));
-        let leaving = self.vertex_half_edge.touched().filter_map(|v| self.vertex_half_edge.get(v));
-        let left = self.vertex_half_edge.overwritten();
+        notes.face_info.overwritten().for_each(|i| mark(i.section));
+        let leaving = notes.vertex_half_edge.touched().filter_map(|v| mesh.vertex_half_edge.get(v));
+        let left = notes.vertex_half_edge.overwritten();
         leaving.chain(left).filter(|h| h.is_some()).filter_map(|h| now(h.face())).for_each(&mut mark);
-    }
+    }};
 }
 
-impl MeshDelta {
-    /// Calls `mark` with every section that applying a delta to `mesh` changed: `self` is the way back.
-    fn sections_touched(&self, mesh: &Mesh, mut mark: impl FnMut(SectionId)) {
-        let now = |f: FaceId| mesh.face_info.get(f.index()).map(|i| i.section);
-        let faces = self.faces.touched().chain(self.opposite.touched()).chain(self.face_info.touched());
-        faces.filter_map(|f| now(FaceId::new(f))).for_each(&mut mark);
-        self.face_info.overwritten().for_each(|i| mark(i.section));
-        let leaving = self.vertex_half_edge.touched().filter_map(|v| mesh.vertex_half_edge.get(v));
-        let left = self.vertex_half_edge.overwritten();
-        leaving.chain(left).filter(|h| h.is_some()).filter_map(|h| now(h.face())).for_each(&mut mark);
+/// Which component things belonged to at some time: tells of later parts what they were parts of.
+#[derive(Clone, Debug, Default)]
+pub struct PartsBefore {
+    /// By section, for those that were of one component. Empty, as is the other, if there was only one.
+    of_section: Vec<u32>,
+    /// By the loaded face that it is a part of, for faces of other sections.
+    of_origin: HashMap<u32, u32>,
+}
+
+impl PartsBefore {
+    /// The component that `part` was in: a number below that of the components there were, or `u32::MAX` if no face of it is a
+    /// part of a loaded one, as with what has walls alone.
+    pub fn of(&self, mesh: &Mesh, part: &Part) -> u32 {
+        if part.lowest_origin == u32::MAX {
+            return u32::MAX;
+        }
+        if self.of_section.is_empty() {
+            return 0;
+        }
+        let mut infos = part.all_faces(mesh).map(|f| mesh.face_info(f)).filter(|info| info.origin != u32::MAX);
+        let known = |info: FaceInfo| match self.of_section.get(info.section.index()) {
+            Some(&part) if part != u32::MAX => Some(part),
+            _ => self.of_origin.get(&info.origin).copied(),
+        };
+        infos.find_map(known).unwrap_or(u32::MAX)
     }
 }
 
@@ -82,14 +101,14 @@ impl SectionGraph {
     /// Notes what the edits since the last delta have changed. To be called before the delta is taken. True if anything has.
     pub fn note_edits(&mut self, mesh: &Mesh) -> bool {
         let mut any = false;
-        mesh.sections_touched(|s| any |= mark(&mut self.stale, s));
+        mark_touched!(mesh, mesh, |s| any |= mark(&mut self.stale, s));
         any
     }
 
     /// Notes what going back or forth by a delta has changed; `inverse` is what it returned. True if anything has.
     pub fn note_delta(&mut self, mesh: &Mesh, inverse: &MeshDelta) -> bool {
         let mut any = false;
-        inverse.sections_touched(mesh, |s| any |= mark(&mut self.stale, s));
+        mark_touched!(mesh, inverse, |s| any |= mark(&mut self.stale, s));
         any
     }
 
@@ -107,6 +126,22 @@ impl SectionGraph {
                 self.gather(mesh, s);
                 gathered(s, &self.loose);
             }
+        }
+    }
+
+    /// What is known of the sections that went into a mesh of their own, as whole components: those that were known to be one by
+    /// themselves went as a whole.
+    pub fn extract(&self, map: &Extraction) -> Self {
+        let known = |s: &SectionId| self.is_fresh(*s) && self.facts[s.index()].whole && self.facts[s.index()].faces > 0;
+        let taken = |s: &SectionId| {
+            let facts = self.facts.get(s.index()).filter(|_| known(s))?;
+            let neighbours = facts.neighbours.iter().map(|n| map.section_to[n.index()]).collect();
+            Some(Facts { lowest_face: map.face_to[facts.lowest_face.index()], neighbours, ..*facts })
+        };
+        Self {
+            facts: map.section_from.iter().map(|s| taken(s).unwrap_or_default()).collect(),
+            stale: map.section_from.iter().map(|s| !known(s)).collect(),
+            ..Self::default()
         }
     }
 
@@ -191,6 +226,20 @@ impl SectionGraph {
             }
         }
         self.collect(mesh)
+    }
+
+    /// The components that there are, for [`PartsBefore::of`].
+    pub fn parts_before(&mut self, mesh: &Mesh) -> PartsBefore {
+        let parts = self.parts(mesh);
+        let mut before = PartsBefore::default();
+        if parts.len() > 1 {
+            before.of_section.resize(mesh.sections(), u32::MAX);
+            for (c, part) in (0u32..).zip(&parts) {
+                part.sections.iter().for_each(|s| before.of_section[s.index()] = c);
+                before.of_origin.extend(part.loose.iter().map(|&f| (mesh.face_info(f).origin, c)));
+            }
+        }
+        before
     }
 
     /// Sorts the loose faces into pieces, nodes behind those of the sections, and joins each to the whole sections it touches.
@@ -343,4 +392,36 @@ fn join(parent: &mut [u32], a: u32, b: u32) -> bool {
     let (a, b) = (find(parent, a), find(parent, b));
     parent[a.max(b) as usize] = a.min(b);
     a != b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::validate::tests::octahedron;
+    use crate::geometry::{TopologyScratch, VertexId, Wedge, WedgeId};
+
+    #[test]
+    fn parts_know_what_they_were_parts_of() {
+        let one = octahedron();
+        let faces = [one.faces(), &one.faces().iter().map(|f| f.map(|v| VertexId(v.0 + 6))).collect::<Vec<_>>()].concat();
+        let wedges = faces.iter().map(|f| f.map(|v| WedgeId(v.0))).collect();
+        let dress = |v: u32| Wedge { vertex: VertexId(v), group: WedgeId(v), ..one.wedge(WedgeId(0)) };
+        let mesh = Mesh::build(12, faces, wedges, &[0; 16], (0..12).map(dress).collect());
+        let opposite = (1..8).find(|&f| one.face(FaceId(f)).iter().all(|v| !one.face(FaceId(0)).contains(v))).unwrap();
+        for sections in [vec![0; 16], (0..16).map(|f| f / 8).collect(), (0..16).map(|f| f % 2).collect()] {
+            let mut mesh = mesh.clone();
+            mesh.assign_sections(2, &sections.into_iter().map(SectionId).collect::<Vec<_>>());
+            let mut graph = SectionGraph::default();
+            graph.refresh(&mesh, |_, _| {});
+            let before = graph.parts_before(&mesh);
+            // all but two faces of the second go
+            let gone: Vec<FaceId> = (8..16).filter(|f| ![8, 8 + opposite].contains(f)).map(FaceId).collect();
+            mesh.remove_faces(&gone, &mut TopologyScratch::default());
+            let parts = graph.parts(&mesh);
+            assert_eq!(parts.iter().map(|p| (p.faces, before.of(&mesh, p))).collect::<Vec<_>>(), [(8, 0), (1, 1), (1, 1)]);
+            // of one component everything is a part, but what has no loaded face
+            assert_eq!(PartsBefore::default().of(&mesh, &parts[1]), 0);
+            assert_eq!(before.of(&mesh, &Part { lowest_origin: u32::MAX, ..parts[1].clone() }), u32::MAX);
+        }
+    }
 }

@@ -16,7 +16,7 @@ impl Scene {
         let mut sides = Vec::new();
         for id in self.tissues.keys().copied().collect::<Vec<_>>() {
             let Some(tissue) = self.tissues.get_mut(&id) else { continue };
-            let before = Before::of(tissue);
+            let before = Before::of(tissue, self.measuring);
             report.area_before += before.area;
             report.volume_before += before.volume;
             let local = in_frame(plane, &tissue.frame());

@@ -3,7 +3,7 @@
 use super::history::{Change, Unit};
 use super::report::{EditReport, Outcome, PieceReport};
 use super::{Scene, TissueId};
-use crate::geometry::{FaceId, Plane};
+use crate::geometry::{FaceId, Part, PartsBefore, Plane};
 use crate::physics::{RigidPose, RigidShape};
 use crate::surgery::BladePose;
 use crate::surgery::cap::CapOutcome;
@@ -93,7 +93,7 @@ pub enum EditCommand {
 pub(super) struct Before {
     pub(super) area: f64,
     pub(super) volume: f64,
-    component_of_origin: Vec<u32>,
+    parts: PartsBefore,
 }
 
 /// A stroke in progress through one tissue, with what it has changed so far.
@@ -175,7 +175,7 @@ impl Scene {
     /// Area and volume of everything as it is now, into a report.
     pub(super) fn measure_before(&mut self, report: &mut EditReport) {
         for tissue in self.tissues.values_mut() {
-            let measured = tissue.sums().measures;
+            let measured = tissue.sums_if(self.measuring).measures;
             report.area_before += measured.area;
             report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
         }
@@ -187,7 +187,7 @@ impl Scene {
         }
         self.last_boxes.clear();
         self.last_slits.clear();
-        let before: Vec<Before> = self.tissues.values_mut().map(Before::of).collect();
+        let before: Vec<Before> = self.tissues.values_mut().map(|t| Before::of(t, self.measuring)).collect();
         for ((&id, tissue), before) in self.tissues.iter().zip(before) {
             let stroke = TearStroke::new(tissue, width, self.sampling(tissue)).walled(self.wall);
             self.strokes.push(StrokeOf { id, stroke, before, deltas: Vec::new() });
@@ -251,7 +251,7 @@ impl Scene {
         for id in self.tissues.keys().copied().collect::<Vec<_>>() {
             let Some(tissue) = self.tissues.get_mut(&id) else { continue };
             let local = in_frame(plane, &tissue.frame());
-            let measured = report.measuring.time("before", || tissue.sums().measures);
+            let measured = report.measuring.time("before", || tissue.sums_if(self.measuring).measures);
             report.area_before += measured.area;
             report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
             let promoted = tissue.promoted_vertices();
@@ -276,8 +276,10 @@ impl Scene {
             });
             let rim = self.cut_scratch.split.rim();
             let mut parts = report.stages.time("components", || tissue.parts_after_cut(&local, rim));
+            let measuring = self.measuring;
             let mut known: Vec<_> = report.measuring.time("pieces", || {
-                parts.iter().map(|part| (tissue.measure_part(part), tissue.side_of_part(part, &local))).collect()
+                let measured = |part: &Part| measuring.then(|| tissue.measure_part(part));
+                parts.iter().map(|part| (measured(part), tissue.side_of_part(part, &local))).collect()
             });
             let largest = (0..parts.len()).max_by_key(|&c| (parts[c].faces, std::cmp::Reverse(c))).unwrap_or(0);
             parts.remove(largest);
@@ -285,9 +287,9 @@ impl Scene {
             let faces = report.stages.time("components", || parts.iter().map(|p| p.sorted_faces(tissue.mesh())).collect());
             let made = self.separate(id, faces, Vec::new(), &mut unit, &mut report);
             for (id, (sums, side)) in std::iter::once(id).chain(made).zip(std::iter::once(stays).chain(known)) {
-                if let Some(tissue) = self.tissues.get_mut(&id) {
+                sides.push((id, side));
+                if let (Some(tissue), Some(sums)) = (self.tissues.get_mut(&id), sums) {
                     tissue.adopt_sums(sums);
-                    sides.push((id, side));
                 }
             }
         }
@@ -328,12 +330,12 @@ impl Scene {
 
     /// Totals over all tissues, and the pieces in CONTRACT's order. `sides` lists tissues with their sides; empty: all.
     pub(super) fn finish_report(&mut self, report: &mut EditReport, sides: Vec<(TissueId, i8)>) {
-        let mut measuring = std::mem::take(&mut report.measuring);
+        let (mut measuring, measured) = (std::mem::take(&mut report.measuring), self.measuring);
         measuring.time("after", || {
             let sides = if sides.is_empty() { self.tissues.keys().map(|&id| (id, 0)).collect() } else { sides };
             report.max_row_entries = self.tissues.values().map(Tissue::longest_row).max().unwrap_or(0);
             let tissues = &mut self.tissues;
-            let sums: BTreeMap<TissueId, Sums> = tissues.iter_mut().map(|(&id, tissue)| (id, tissue.sums())).collect();
+            let sums: BTreeMap<TissueId, Sums> = tissues.iter_mut().map(|(&id, tissue)| (id, tissue.sums_if(measured))).collect();
             report.vertices = sums.values().map(|s| s.vertices).sum();
             report.faces = sums.values().map(|s| s.measures.faces).sum();
             let piece = |(id, side)| Some(piece_report(id, tissues.get(&id)?, sums.get(&id)?, side));
@@ -394,41 +396,25 @@ pub(super) fn in_frame(plane: &Plane, frame: &RigidPose) -> Plane {
 }
 
 impl Before {
-    pub(super) fn of(tissue: &mut Tissue) -> Self {
-        let m = tissue.sums().measures;
-        let faces = tissue.component_faces();
-        let mut component_of_origin = Vec::new();
-        for (c, faces) in faces.iter().enumerate() {
-            for &f in faces {
-                let origin = tissue.mesh().face_info(f).origin as usize;
-                if origin != u32::MAX as usize {
-                    if component_of_origin.len() <= origin {
-                        component_of_origin.resize(origin + 1, u32::MAX);
-                    }
-                    component_of_origin[origin] = c as u32;
-                }
-            }
-        }
-        Self { area: m.area, volume: m.volume_about(tissue.to_tissue(DVec3::ZERO)), component_of_origin }
+    pub(super) fn of(tissue: &mut Tissue, measuring: bool) -> Self {
+        let m = tissue.sums_if(measuring).measures;
+        let parts = tissue.parts_before();
+        Self { area: m.area, volume: m.volume_about(tissue.to_tissue(DVec3::ZERO)), parts }
     }
 
-    /// Components that the stroke split off: of each component there was, all parts but the largest.
-    pub(super) fn new_components(&self, tissue: &Tissue) -> Vec<Vec<FaceId>> {
-        let now = tissue.component_faces();
-        let old = |faces: &[FaceId]| {
-            // walls have no origin: any face of the model will do
-            let origins = faces.iter().map(|&f| tissue.mesh().face_info(f).origin);
-            let origin = origins.into_iter().find(|&o| o != u32::MAX).unwrap_or(u32::MAX) as usize;
-            self.component_of_origin.get(origin).copied().unwrap_or(u32::MAX)
-        };
-        let mut largest: std::collections::BTreeMap<u32, usize> = std::collections::BTreeMap::new();
-        for (i, faces) in now.iter().enumerate() {
-            let kept = largest.entry(old(faces)).or_insert(i);
-            if now[*kept].len() < faces.len() {
+    /// Components that the stroke split off: of each component there was, all parts but the largest. Faces ascending.
+    pub(super) fn new_components(&self, tissue: &mut Tissue) -> Vec<Vec<FaceId>> {
+        let now = tissue.parts();
+        let mesh = tissue.mesh();
+        let mut largest: BTreeMap<u32, usize> = BTreeMap::new();
+        for (i, part) in now.iter().enumerate() {
+            let kept = largest.entry(self.parts.of(mesh, part)).or_insert(i);
+            if now[*kept].faces < part.faces {
                 *kept = i;
             }
         }
         let keep: Vec<usize> = largest.into_values().collect();
-        now.into_iter().enumerate().filter(|(i, _)| !keep.contains(i)).map(|(_, faces)| faces).collect()
+        let left = now.iter().enumerate().filter(|(i, _)| !keep.contains(i));
+        left.map(|(_, part)| part.sorted_faces(mesh)).collect()
     }
 }

@@ -53,6 +53,7 @@ pub struct Scene {
     settings: SceneSettings,
     cut_scratch: CutScratch,
     animation: Option<usize>,
+    measuring: bool,
     rigid: rigid::Rigid,
 }
 
@@ -74,6 +75,7 @@ impl Scene {
             settings,
             cut_scratch: CutScratch::default(),
             animation: None,
+            measuring: true,
             rigid,
         }
     }
@@ -106,6 +108,13 @@ impl Scene {
     /// Boxes of the last stroke, in model space, tissue by tissue.
     pub fn last_tear_boxes(&self) -> &[TearBox] {
         &self.last_boxes
+    }
+
+    /// Whether reports tell areas, volumes and open edges, which needs a look at every face that has moved since the last report:
+    /// in a model that beats, at all. They do until told otherwise; a frame that waits for its edits has no time for it. Without,
+    /// areas and volumes are NaN and pieces count as open, with no edges.
+    pub fn set_measuring(&mut self, measuring: bool) {
+        self.measuring = measuring;
     }
 
     /// What lines the strokes from now on. A width of 0 has no walls.

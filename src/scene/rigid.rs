@@ -243,21 +243,19 @@ impl Scene {
         }
     }
 
-    /// The piece that stays; the first among equals.
+    /// The piece that stays: by the root if that is what holds, then by area, the first among equals.
     fn fixed_among(&self, pieces: &[TissueId]) -> Option<TissueId> {
-        let hold = |id: &TissueId| {
-            let Some(tissue) = self.tissues.get(id) else { return (0.0, 0.0) };
-            let root = if self.rigid.settings.fixed == Fixed::Root { tissue.root_weight() } else { 0.0 };
-            (root, tissue.measure_all().area)
-        };
-        let mut best: Option<(TissueId, (f64, f64))> = None;
-        for id in pieces {
-            let now = hold(id);
-            if best.is_none_or(|(_, b)| now > b) {
-                best = Some((*id, now));
-            }
+        let by_root = self.rigid.settings.fixed == Fixed::Root;
+        let root = |id: &TissueId| self.tissues.get(id).filter(|_| by_root).map_or(0.0, Tissue::root_weight);
+        let roots: Vec<f64> = pieces.iter().map(root).collect();
+        let most = roots.iter().copied().fold(0.0, f64::max);
+        let best: Vec<TissueId> = pieces.iter().zip(&roots).filter(|(_, root)| **root == most).map(|(id, _)| *id).collect();
+        if best.len() < 2 {
+            return best.first().copied();
         }
-        best.map(|b| b.0)
+        let area = |id: &TissueId| self.tissues.get(id).map_or(0.0, |t| t.measure_all().area);
+        // the last of equals is taken, so backwards
+        best.iter().rev().map(|id| (*id, area(id))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(id, _)| id)
     }
 
     /// A severing was undone: the piece is gone, and what it came off is back where it was.

@@ -3,7 +3,7 @@
 
 use super::Tissue;
 use crate::geometry::measure::{OpenEdge, measure_faces, open_edges};
-use crate::geometry::{FaceId, Measures, Part, Plane, SectionGraph, SectionId, VertexId};
+use crate::geometry::{Extraction, FaceId, Measures, Part, PartsBefore, Plane, SectionGraph, SectionId, VertexId};
 use glam::DVec3;
 
 /// What a report says of a tissue or of a part of it.
@@ -25,8 +25,18 @@ pub(super) struct Tally {
     sections: Vec<(Measures, usize)>,
     /// What final positions hung on when the sections were measured.
     key: Option<[u64; 3]>,
-    /// The whole tissue.
-    whole: Option<Sums>,
+    /// The whole tissue, and what its final positions hung on.
+    whole: Option<([u64; 3], Sums)>,
+}
+
+impl Tally {
+    /// What is known of a piece that has become a tissue; its sections have the sums they had here, if those hold at `key`.
+    pub(super) fn extract(&self, map: &Extraction, key: [u64; 3]) -> Self {
+        let sums = |s: &SectionId| self.sections.get(s.index()).copied().unwrap_or((Measures::EMPTY, 0));
+        let holds = self.key == Some(key);
+        let sections = if holds { map.section_from.iter().map(sums).collect() } else { Vec::new() };
+        Self { graph: self.graph.extract(map), sections, ..Self::default() }
+    }
 }
 
 impl Tissue {
@@ -117,8 +127,9 @@ impl Tissue {
     /// tissue has moved.
     pub fn sums(&mut self) -> Sums {
         self.note_edits();
-        if let Some(sums) = &self.tally.whole
-            && self.tally.key == Some(self.position_key())
+        let key = self.position_key();
+        if let Some((known, sums)) = &self.tally.whole
+            && *known == key
         {
             return sums.clone();
         }
@@ -133,8 +144,27 @@ impl Tissue {
         let (vertices, lowest_origin) = self.tally.graph.totals();
         let sums = Sums { measures, vertices, lowest_origin };
         debug_assert!(self.are_right(&sums, 1e-9), "{sums:?} and {:?}", self.measure_all());
-        self.tally.whole = Some(sums.clone());
+        self.tally.whole = Some((key, sums.clone()));
         sums
+    }
+
+    /// [`Tissue::sums`], or if they are not asked for only the counts of faces and vertices, with NaN for areas and volumes.
+    pub(crate) fn sums_if(&mut self, measuring: bool) -> Sums {
+        if measuring {
+            return self.sums();
+        }
+        self.note_edits();
+        let Tally { graph, key, .. } = &mut self.tally;
+        // the sums of these sections do not follow
+        graph.refresh(&self.mesh, |_, _| *key = None);
+        let (vertices, lowest_origin) = graph.totals();
+        let measures = Measures { faces: self.mesh.face_count(), area: f64::NAN, volume: f64::NAN, ..Measures::EMPTY };
+        Sums { measures, vertices, lowest_origin }
+    }
+
+    /// The components that there are now, to tell what parts of later on were parts of.
+    pub fn parts_before(&mut self) -> PartsBefore {
+        self.tally.graph.parts_before(&self.mesh)
     }
 
     fn are_right(&self, sums: &Sums, tolerance: f64) -> bool {
@@ -153,10 +183,10 @@ impl Tissue {
         self.note_edits();
         // fades, in f32, hold the vertices of the piece
         debug_assert!(self.are_right(&sums, 1e-5), "{sums:?} and {:?}", self.measure_all());
-        self.tally.whole = Some(sums);
-        if self.tally.key.is_none() {
-            self.tally.key = Some(self.position_key());
-            self.tally.sections.clear();
+        let key = self.position_key();
+        self.tally.whole = Some((key, sums));
+        if self.tally.key.is_none() && self.tally.sections.len() == self.mesh.sections() {
+            self.tally.key = Some(key);
         }
     }
 

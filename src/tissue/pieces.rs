@@ -25,6 +25,7 @@ impl Tissue {
     /// hold its vertices; particles that hold vertices on both sides go on in both. Every vertex stays where it is: what moved
     /// it and no longer does fades out (MATHS 2.2).
     pub fn sever(&mut self, parts: &[Vec<FaceId>]) -> Vec<Tissue> {
+        self.note_edits();
         let mut map = std::mem::take(&mut self.scratch.extraction);
         let mut gone = Vec::new();
         let mut pieces = Vec::with_capacity(parts.len());
@@ -62,12 +63,13 @@ impl Tissue {
             sections: self.sections.extract(&map.section_from),
             scratch: Default::default(),
             touch: Default::default(),
-            tally: Default::default(),
+            tally: self.tally.extract(map, self.position_key()),
             forces: self.forces.fresh(),
             ..*self
         };
         if piece.mesh.sections() > SPARSE * (1 + faces.len() / self.section_faces.max(1)) {
             piece.build_sections();
+            piece.tally = Default::default();
         }
         if let Some(layer) = &self.layer {
             let (own, rows_before) = layer.extract(&piece, map, &self.rest);
