@@ -95,7 +95,7 @@ impl Update<'_, '_> {
         let (map, strips, report) = (&*self.map, &*self.strips, &mut self.report);
         let UpdateScratch { rows, .. } = &mut *self.scratch;
         let lips = strips.lips_near(k).filter(|&&v| v.index() < rest.len() && strips.knows_side(k, v));
-        for &v in lips.chain(&strips.places.far) {
+        for &v in lips.chain(strips.places.far.iter()) {
             if v.index() >= map.influences.rows() || !mesh.vertex_is_live(v) {
                 continue;
             }

@@ -77,6 +77,37 @@ impl Holders {
     }
 }
 
+/// Vertices in the order they were noted, each once.
+#[derive(Clone, Debug, Default)]
+pub(super) struct VertexSet {
+    listed: Vec<VertexId>,
+    /// A bit a vertex.
+    bits: Vec<u64>,
+}
+
+impl VertexSet {
+    pub(super) fn insert(&mut self, v: VertexId) {
+        let (word, bit) = (v.index() / 64, 1 << (v.index() % 64));
+        if self.bits.len() <= word {
+            self.bits.resize(word + 1, 0);
+        }
+        if self.bits[word] & bit == 0 {
+            self.bits[word] |= bit;
+            self.listed.push(v);
+        }
+    }
+
+    pub(super) fn iter(&self) -> std::slice::Iter<'_, VertexId> {
+        self.listed.iter()
+    }
+}
+
+impl Extend<VertexId> for VertexSet {
+    fn extend<I: IntoIterator<Item = VertexId>>(&mut self, vertices: I) {
+        vertices.into_iter().for_each(|v| self.insert(v));
+    }
+}
+
 /// Place along the Z-order curve of a point with coordinates from 0 to 1023; others are clamped.
 fn along_curve(p: DVec3) -> u32 {
     let spread = |x: f64| {

@@ -537,7 +537,7 @@ impl Update<'_, '_> {
             if row.is_empty() {
                 // Only links beyond the radius, as a map built from few anchors has: the first stands for all.
                 row.extend(particles.first().map(|&j| Influence { particle: j, weight: 1.0 }));
-                self.strips.places.far.push(v);
+                self.strips.places.far.insert(v);
             }
             self.scratch.weighted = weighted;
             if self.map.influences.row(v.index()) != row.as_slice() {

@@ -3,7 +3,7 @@
 //! A plane cut leaves none: it parts every edge it meets, so what it separates is no longer connected, and the sheet rule
 //! links nothing that is not connected.
 
-use super::holders::Holders;
+use super::holders::{Holders, VertexSet};
 use super::link_tests::LinkTests;
 use super::particle_map::{Influence, ParticleMap};
 use super::point_grid::PointGrid;
@@ -97,7 +97,7 @@ pub(super) struct Places {
     /// Vertices that are or once were lips of each strip.
     lips: Vec<Vec<VertexId>>,
     /// Vertices that are or once were held from beyond a particle's radius.
-    pub(super) far: Vec<VertexId>,
+    pub(super) far: VertexSet,
     /// Radius of an ordinary particle, and of a wound particle, metres.
     radii: [f64; 2],
     is_built: bool,
@@ -113,11 +113,11 @@ impl Places {
         let mut places = Self {
             anchors: PointGrid::build(positions, settings.reach()),
             holders: Holders::build(map, rest),
-            far: (0..rows).map(VertexId::new).filter(is_far).collect(),
             radii: [settings.radius, settings.wound.radius.min(settings.radius)],
             is_built: true,
             ..Self::default()
         };
+        places.far.extend((0..rows).map(VertexId::new).filter(is_far));
         for v in 0..lips.rows() {
             lips.row(v).iter().for_each(|l| places.note_lip(VertexId::new(v), l.strip as usize));
         }
@@ -450,8 +450,13 @@ impl Strips {
         if *is_built {
             anchors.insert(j.0, at);
             let radius = radii[usize::from(map.is_wound(j))];
-            let is_far = |v: &VertexId| rest.get(v.index()).is_some_and(|p| p.distance(at) >= radius);
-            holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |v| far.extend(Some(v).filter(is_far)));
+            let holds = |v: VertexId| map.influences.row(v.index()).iter().any(|i| i.particle == j);
+            holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |v| {
+                let is_far = rest.get(v.index()).is_some_and(|p| p.distance_squared(at) >= 0.999 * radius * radius);
+                if is_far && v.index() < map.influences.rows() && holds(v) {
+                    far.insert(v);
+                }
+            });
         }
     }
 
