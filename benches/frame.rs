@@ -1,5 +1,6 @@
 //! The CPU's side of a frame at 18k faces and 224 particles, without wgpu's own submit: tools, pose, physics, upload notes and
-//! the encoding of deform, shadow and view, while the model moves and while it sleeps. Prints medians, and what a frame did.
+//! the encoding of deform, shadow and view, while the model sleeps, while it moves, and while it beats and is torn. Prints medians,
+//! and what a frame did.
 
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
@@ -11,7 +12,7 @@ use incise::input::InputFrame;
 use incise::particles::ParticleSettings;
 use incise::physics::NetworkSettings;
 use incise::scene::{EditCommand, Scene, SceneSettings};
-use incise::surgery::SamplingSettings;
+use incise::surgery::{BladePose, SamplingSettings};
 use incise::tissue::{Tissue, TissueSettings};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use std::alloc::System;
@@ -147,6 +148,57 @@ fn measure(name: &str, app: &mut App, target: &mut Target, first: usize, animate
     );
 }
 
+/// Tears the beating heart, ten strokes of a second, and prints what the frames took in which a stroke began, the blade moved,
+/// and the stroke ended; the first stroke warms up.
+fn tear(app: &mut App, target: &mut Target, first: usize) {
+    const STROKE: usize = 90;
+    app.scene.set_measuring(false);
+    let (mut began, mut moved, mut ended) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut segments, mut allocations) = (0, 0);
+    for stroke in 0..11 {
+        let y = 0.03 - 0.006 * stroke as f64;
+        for k in 0..STROKE + 45 {
+            let pose = |k: usize| {
+                let x = 0.05 * (2.0 * k as f64 / STROKE as f64 - 1.0);
+                let (tip, base) = (glam::DVec3::new(x, y, 0.02), glam::DVec3::new(x, y, 0.12));
+                EditCommand::StrokePose(BladePose { t: k as f64 / 90.0, tip, base })
+            };
+            let commands = match k {
+                0 => vec![EditCommand::StrokeBegin { width: 0.002 }, pose(0)],
+                STROKE => vec![EditCommand::StrokeEnd],
+                k if k < STROKE => vec![pose(k)],
+                _ => Vec::new(),
+            };
+            let time_s = (first + stroke * (STROKE + 45) + k) as f64 / 90.0;
+            let input = InputFrame { time_s, step_s: 1.0 / 90.0, commands, ..InputFrame::default() };
+            let start = Instant::now();
+            let report = app.frame(&input, target).expect("a frame");
+            let whole = start.elapsed().as_secs_f64() * 1e3 - target.submit_ms;
+            let times = match k {
+                _ if stroke == 0 => continue,
+                0 => &mut began,
+                STROKE => &mut ended,
+                k if k < STROKE => &mut moved,
+                _ => continue,
+            };
+            times.push(whole);
+            segments += report.edits.iter().map(|e| e.segments.len()).sum::<usize>();
+            allocations = allocations.max(report.counters.allocations + target.sync_allocations);
+        }
+    }
+    moved.sort_by(f64::total_cmp);
+    let most = |times: &[f64]| times.iter().copied().fold(0.0, f64::max);
+    println!(
+        "torn: a stroke begins {:.4} ms, the blade moves {:.4} (99 %: {:.4}, most {:.4}), it ends {:.4} (most {:.4}); {segments} segments, most allocations {allocations}",
+        median(&mut began),
+        moved[moved.len() / 2],
+        moved[moved.len() * 99 / 100],
+        most(&moved),
+        median(&mut ended),
+        most(&ended),
+    );
+}
+
 fn main() {
     let mut app = app();
     let camera = Camera { eye: glam::DVec3::new(0.05, 0.04, 0.26), target: glam::DVec3::ZERO, up: glam::DVec3::Y, fov_y: 0.7 };
@@ -158,4 +210,6 @@ fn main() {
     app.scene.edit(EditCommand::GrabBegin { id: 1, center, radius: 0.02 });
     app.scene.edit(EditCommand::GrabMove { id: 1, by: glam::DVec3::new(0.0, 0.0, 0.01) });
     measure("active", &mut app, &mut target, FRAMES, true);
+    app.scene.edit(EditCommand::GrabEnd { id: 1 });
+    tear(&mut app, &mut target, 2 * FRAMES);
 }

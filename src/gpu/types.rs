@@ -394,7 +394,9 @@ mod tests {
     #[test]
     fn flags_and_constants_agree() {
         let module = parse(include_str!("../../shaders/types.wgsl"));
-        for (name, value) in [("SKINNED", SKINNED), ("DISPLACED", DISPLACED), ("FADING", FADING), ("NONE", u32::MAX)] {
+        let flags = [SKINNED, DISPLACED, FADING, ROTATED, WOUNDED];
+        let names = ["SKINNED", "DISPLACED", "FADING", "ROTATED", "WOUNDED"];
+        for (name, value) in names.into_iter().zip(flags).chain([("NONE", u32::MAX)]) {
             let (_, constant) = module.constants.iter().find(|c| c.1.name.as_deref() == Some(name)).expect(name);
             let literal = &module.global_expressions[constant.init];
             assert!(matches!(literal, naga::Expression::Literal(naga::Literal::U32(v)) if *v == value), "{name}");
@@ -409,6 +411,84 @@ mod tests {
             let literal = &module.global_expressions[constant.init];
             assert!(matches!(literal, naga::Expression::Literal(naga::Literal::U32(v)) if *v == value), "{name}");
         }
+    }
+
+    fn is_fixed(function: &naga::Function, at: naga::Handle<naga::Expression>) -> bool {
+        use naga::Expression as E;
+        match function.expressions[at] {
+            E::Literal(_) | E::Constant(_) | E::ZeroValue(_) | E::Override(_) => true,
+            E::Splat { value, .. } => is_fixed(function, value),
+            E::Compose { ref components, .. } => components.iter().all(|&c| is_fixed(function, c)),
+            _ => false,
+        }
+    }
+
+    /// True if an expression hangs on uniforms and nothing else that varies.
+    fn is_uniform(function: &naga::Function, module: &naga::Module, at: naga::Handle<naga::Expression>) -> bool {
+        use naga::Expression as E;
+        let of = |at| is_uniform(function, module, at);
+        let is_fixed = |at| is_fixed(function, at);
+        let any =
+            |of_these: &[naga::Handle<E>]| of_these.iter().any(|&at| of(at)) && of_these.iter().all(|&at| of(at) || is_fixed(at));
+        match function.expressions[at] {
+            E::GlobalVariable(global) => module.global_variables[global].space == naga::AddressSpace::Uniform,
+            E::AccessIndex { base, .. } => of(base),
+            E::Access { base, index } => of(base) && (of(index) || is_fixed(index)),
+            E::Load { pointer } => of(pointer),
+            E::Unary { expr, .. } | E::As { expr, .. } => of(expr),
+            E::Splat { value, .. } => of(value),
+            E::Swizzle { vector, .. } => of(vector),
+            E::Relational { argument, .. } => of(argument),
+            E::Binary { left, right, .. } => any(&[left, right]),
+            E::Select { condition, accept, reject } => any(&[condition, accept, reject]),
+            E::Compose { ref components, .. } => any(components),
+            E::Math { arg, arg1, arg2, .. } => any(&[Some(arg), arg1, arg2].into_iter().flatten().collect::<Vec<_>>()),
+            _ => false,
+        }
+    }
+
+    fn branches_on_uniforms(module: &naga::Module) -> usize {
+        fn within(function: &naga::Function, module: &naga::Module, block: &naga::Block) -> usize {
+            let of = |condition| usize::from(is_uniform(function, module, condition));
+            let inside = |block: &naga::Block| within(function, module, block);
+            let statement = |statement: &naga::Statement| match statement {
+                naga::Statement::Block(block) => inside(block),
+                naga::Statement::If { condition, accept, reject } => of(*condition) + inside(accept) + inside(reject),
+                naga::Statement::Switch { selector, cases } => {
+                    of(*selector) + cases.iter().map(|case| inside(&case.body)).sum::<usize>()
+                }
+                naga::Statement::Loop { body, continuing, break_if } => {
+                    inside(body) + inside(continuing) + break_if.map_or(0, of)
+                }
+                _ => 0,
+            };
+            block.iter().map(statement).sum()
+        }
+        let entries = module.entry_points.iter().map(|e| &e.function);
+        let functions = module.functions.iter().map(|f| f.1);
+        entries.chain(functions).map(|f| within(f, module, &f.body)).sum()
+    }
+
+    /// Mesa's software adapter compiles a shader anew for each draw if a branch of it hangs on a uniform, and keeps them all: 6 MB
+    /// and some 20 ms a frame.
+    #[test]
+    fn no_branch_hangs_on_a_uniform_alone() {
+        for (name, text) in SHADERS {
+            assert_eq!(branches_on_uniforms(&parse(text)), 0, "{name}");
+        }
+        let twin = |condition: &str| {
+            let frame = "struct Frame { shadow: vec4f } @group(0) @binding(0) var<uniform> frame: Frame;";
+            let body = format!("fn f(x: f32) -> f32 {{ if ({condition}) {{ return 1.0; }} return x; }}");
+            branches_on_uniforms(&parse(&format!("{frame}\n{body}")))
+        };
+        for found in [
+            "frame.shadow.w == 0.0",
+            "any(frame.shadow.xy < vec2f(1.0))",
+            "!(abs(frame.shadow[2]) > 1.0 && frame.shadow.y < 2.0)",
+        ] {
+            assert_eq!(twin(found), 1, "{found}");
+        }
+        assert_eq!(twin("x * frame.shadow.w == 0.0"), 0);
     }
 
     #[test]
