@@ -90,6 +90,8 @@ pub struct UpdateScratch {
     pub(super) rows: WorkRows,
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
+    /// A bit a particle, to put `near` in order.
+    is_near: Vec<u64>,
     /// The tissue's, for the time of an update.
     pub(super) tests: LinkTests,
     pub(super) codes: Codes,
@@ -99,6 +101,7 @@ pub struct UpdateScratch {
     /// The last visit of [`Update::regain`] that looked at each particle, and the number of visits.
     tried: Vec<u32>,
     visits: u32,
+    untried: Vec<ParticleId>,
     /// Particles that no strip parts from an orphan, with their weights, in [`Update::nearest_connected`].
     seen: Vec<(f64, ParticleId)>,
     /// Particles whose links are to be found: new and re-anchored ones.
@@ -200,15 +203,21 @@ impl Update<'_, '_> {
         let places = &self.strips.places;
         let s = &mut *self.scratch;
         s.near.clear();
+        s.is_near.clear();
+        s.is_near.resize(map.len().div_ceil(64), 0u64);
         places.anchors.visit(low - reach, high + reach, |j| {
             if let Some(anchor) = map.anchors.get(j as usize).filter(|a| a.is_some())
                 && is_within(rest[anchor.index()], low - reach, high + reach)
             {
-                s.near.push(ParticleId(j));
+                s.is_near[j as usize / 64] |= 1 << (j % 64);
             }
         });
-        s.near.sort_unstable();
-        s.near.dedup();
+        for (word, bits) in s.is_near.iter_mut().enumerate() {
+            while *bits != 0 {
+                s.near.push(ParticleId::new(64 * word + bits.trailing_zeros() as usize));
+                *bits &= *bits - 1;
+            }
+        }
         s.rows.begin(mesh.vertex_slots());
         s.unlinked.clear();
         true
@@ -325,23 +334,19 @@ impl Update<'_, '_> {
         while next < self.scratch.work.len() {
             let v = self.scratch.work[next];
             next += 1;
+            if self.scratch.rows.open(v, self.map).len() >= limit {
+                continue;
+            }
             let mut gained = false;
-            let visit = self.scratch.visit();
-            for n in self.mesh.neighbours(v) {
-                if self.scratch.rows.open(v, self.map).len() >= limit {
-                    break;
-                }
-                let mut i = 0;
-                while let Some(j) = self.scratch.rows.particle(n, i, self.map) {
-                    i += 1;
-                    // what one neighbour has, the others mostly have too
-                    if std::mem::replace(&mut self.scratch.tried[j.index()], visit) == visit {
-                        continue;
-                    }
+            self.list_untried(v);
+            for i in 0..self.scratch.untried.len() {
+                let j = self.scratch.untried[i];
+                if self.may_link(v, j) {
+                    gained = true;
                     let row = self.scratch.rows.open(v, self.map);
-                    if row.len() < limit && !row.holds(j) && self.may_link(v, j) {
-                        self.scratch.rows.open(v, self.map).add(j);
-                        gained = true;
+                    row.add(j);
+                    if row.len() >= limit {
+                        break;
                     }
                 }
             }
@@ -349,6 +354,22 @@ impl Update<'_, '_> {
                 let s = &mut *self.scratch;
                 s.work.extend(self.mesh.neighbours(v).filter(|&n| s.rows.is_open(n)));
             }
+        }
+    }
+
+    /// Collects the particles that hold vertices next to `v` and not `v` itself, each once.
+    fn list_untried(&mut self, v: VertexId) {
+        let visit = self.scratch.visit();
+        let UpdateScratch { rows, tried, untried, .. } = &mut *self.scratch;
+        untried.clear();
+        rows.each(v, self.map, |j| tried[j.index()] = visit);
+        for n in self.mesh.neighbours(v) {
+            rows.each(n, self.map, |j| {
+                // what one neighbour has, the others mostly have too
+                if std::mem::replace(&mut tried[j.index()], visit) != visit {
+                    untried.push(j);
+                }
+            });
         }
     }
 
@@ -551,8 +572,17 @@ impl Update<'_, '_> {
         let s = &mut *self.scratch;
         let start = s.old_entries.len();
         let old = self.map.influences.row(v.index());
-        for influence in row.iter().filter(|i| old.iter().all(|o| o.particle != i.particle)) {
-            self.strips.places.holders.push(influence.particle, v, self.rest[v.index()]);
+        let mut known = old;
+        for influence in row {
+            // both rows are in order; were they not, some would be noted twice
+            while let [first, rest @ ..] = known
+                && first.particle < influence.particle
+            {
+                known = rest;
+            }
+            if known.first().is_none_or(|o| o.particle != influence.particle) {
+                self.strips.places.holders.push(influence.particle, v, self.rest[v.index()]);
+            }
         }
         s.old_entries.extend_from_slice(old);
         s.old_rows.push((v, start..s.old_entries.len()));
