@@ -104,9 +104,12 @@ impl NearStrips {
     /// True if no strip lies between the anchor and `v`. `around` are the strips that `v` may know its side of.
     fn connects(&mut self, strips: &Strips, rest: &[DVec3], radius: f64, v: VertexId, around: &[(u32, u16)]) -> bool {
         let (a, p) = (rest[self.anchor.index()], rest[v.index()]);
-        let is_crossed = |k: u32, code: u16, own: u16| {
-            // where geometry says of both ends what is known of them, it settles most
-            !StripGeometry::planes_part(code, own) && strips.crosses(k as usize, rest, self.anchor, v)
+        // where geometry says of both ends what is known of them, it settles most
+        let is_plain = |code: u16, own: u16| code != 0 && own != 0 && self.lips == 0;
+        let is_crossed = |k: u32, code: u16, own: u16| match StripGeometry::planes_part(code, own) {
+            true => false,
+            false if is_plain(code, own) => strips.geometry(k as usize).crosses(a, p),
+            false => strips.crosses(k as usize, rest, self.anchor, v),
         };
         let crosses = |&(k, code): &(u32, u16)| match around.iter().find(|a| a.0 == k) {
             Some(&(_, own)) => is_crossed(k, code, own),
