@@ -195,9 +195,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
     pub fn set_row(&mut self, row: usize, entries: &[T]) {
         let old = self.spans[row];
         if entries.len() <= old.len as usize {
-            for (k, entry) in entries.iter().enumerate() {
-                self.entries.set(old.start as usize + k, *entry);
-            }
+            self.entries.set_slice(old.start as usize, entries);
             if entries.len() != old.len as usize {
                 self.spans.set(row, Span { start: old.start, len: entries.len() as u32 });
             }

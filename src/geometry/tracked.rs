@@ -75,6 +75,15 @@ impl<T: Copy> Tracked<T> {
         self.data[index] = value;
     }
 
+    /// [`Tracked::set`] for entries that follow one another.
+    #[inline]
+    pub fn set_slice(&mut self, start: usize, values: &[T]) {
+        let noted = self.base_len.clamp(start, start + values.len()) - start;
+        let old = &mut self.data[start..start + values.len()];
+        self.log.extend((start as u32..).zip(old[..noted].iter().copied()));
+        old.copy_from_slice(values);
+    }
+
     /// Makes room for the entries that edits will append: a growing array is copied as a whole, which no edit should wait for.
     pub fn make_room(&mut self) {
         self.data.reserve(self.data.len() / 8 + 256);

@@ -61,7 +61,8 @@ impl ParticleMap {
     /// True for wound particles: those that rest displaced (MATHS 3.3).
     #[inline]
     pub fn is_wound(&self, particle: ParticleId) -> bool {
-        self.rest_displacement[particle.index()] != [0.0; 3]
+        let [x, y, z] = self.rest_displacement[particle.index()];
+        (x != 0.0) | (y != 0.0) | (z != 0.0)
     }
 
     /// The mean link length that neighbour weights refer to: as it was when the map was built; without that, recovered from
@@ -186,18 +187,23 @@ fn influence_rows(
 /// Keeps the `limit` strongest of `row`, drops weights that vanish in f32, normalises to sum 1 and sorts by particle.
 /// Returns the share that the limit cut off.
 pub(super) fn normalise(row: &mut Vec<(f64, ParticleId)>, limit: usize) -> f64 {
-    let total: f64 = row.iter().map(|e| e.0).sum();
+    let sum = |row: &[(f64, ParticleId)]| row.iter().map(|e| e.0).sum::<f64>();
+    let total = sum(row);
+    let mut kept = total;
     if row.len() > limit {
         row.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         row.truncate(limit);
+        kept = sum(row);
     }
-    let kept: f64 = row.iter().map(|e| e.0).sum();
-    row.retain(|e| ((e.0 / kept) as f32) >= f32::MIN_POSITIVE);
-    let sum: f64 = row.iter().map(|e| e.0).sum();
-    for entry in row.iter_mut() {
-        entry.0 /= sum;
+    let mut left = kept;
+    if row.iter().any(|e| e.0 <= 2.0 * f64::from(f32::MIN_POSITIVE) * kept) {
+        row.retain(|e| ((e.0 / kept) as f32) >= f32::MIN_POSITIVE);
+        left = sum(row);
     }
-    row.sort_unstable_by_key(|e| e.1);
+    row.iter_mut().for_each(|e| e.0 /= left);
+    if !row.is_sorted_by_key(|e| e.1) {
+        row.sort_unstable_by_key(|e| e.1);
+    }
     if total > 0.0 { 1.0 - kept / total } else { 0.0 }
 }
 

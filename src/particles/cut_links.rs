@@ -4,7 +4,7 @@
 //! looked at. Where a known side stands in for geometry there is no shadow, and all that such an end links to is tested.
 
 use super::map_update::{Update, UpdateScratch};
-use super::strip_test::StripGeometry;
+use super::strip_test::{Sight, StripGeometry};
 use crate::geometry::ParticleId;
 use std::ops::Range;
 
@@ -33,6 +33,12 @@ impl Codes {
 
     fn of(&self, j: ParticleId) -> u16 {
         self.codes[j.index()]
+    }
+
+    /// 0 for a particle that was not looked at.
+    fn known(&self, j: ParticleId) -> u16 {
+        let code = self.codes[j.index()];
+        if code == u16::MAX { 0 } else { code }
     }
 
     /// True if the link between a point with `code` and a particle does not cross the strip.
@@ -68,14 +74,16 @@ impl Update<'_, '_> {
         for &j in near.iter() {
             let anchor = map.anchors[j.index()];
             let (at, radius) = (rest[anchor.index()], settings.radius_of(map, j));
-            let own = strips.code_of_anchor(k, rest, anchor);
+            let own = strips.code_of(k, rest, anchor);
             codes.set(j, own);
             let bounds = if own == 0 { Some((at - radius, at + radius)) } else { geometry.shadow(at, radius) };
             let Some((low, high)) = bounds else { continue };
-            strips.places.holders.visit(j, low, high, |v| {
+            let sight = if own == 0 { Sight::everywhere(at) } else { geometry.sight(at, radius) };
+            let is_seen = |low, high| sight.may_meet_box(low, high);
+            strips.places.holders.visit_seen(j, low, high, is_seen, |v| {
                 report.vertices_visited += 1;
                 let Some(&p) = rest.get(v.index()) else { return };
-                if p.cmplt(low).any() || p.cmpgt(high).any() || geometry.parts(own, p) {
+                if !sight.may_meet(p) || p.cmplt(low).any() || p.cmpgt(high).any() || geometry.parts(own, p) {
                     return;
                 }
                 if v.index() < map.influences.rows()
@@ -93,14 +101,19 @@ impl Update<'_, '_> {
     fn cut_unshadowed(&mut self, k: usize) {
         let Self { mesh, rest, .. } = *self;
         let (map, strips, report) = (&*self.map, &*self.strips, &mut self.report);
-        let UpdateScratch { rows, .. } = &mut *self.scratch;
+        let UpdateScratch { rows, codes, .. } = &mut *self.scratch;
         let lips = strips.lips_near(k).filter(|&&v| v.index() < rest.len() && strips.knows_side(k, v));
         for &v in lips.chain(strips.places.far.iter()) {
             if v.index() >= map.influences.rows() || !mesh.vertex_is_live(v) {
                 continue;
             }
+            // a side that geometry tells too is good for a first look
+            let code = strips.code_of(k, rest, v);
             for influence in map.influences.row(v.index()) {
                 let j = influence.particle;
+                if StripGeometry::planes_part(code, codes.known(j)) {
+                    continue;
+                }
                 if strips.crosses(k, rest, v, map.anchors[j.index()]) {
                     report.influences_removed += usize::from(rows.open(v, map).remove(j));
                 }
@@ -116,6 +129,11 @@ impl Update<'_, '_> {
             let row = self.map.neighbours.row(j.index());
             let UpdateScratch { codes, links, .. } = &mut *self.scratch;
             let own = codes.of(j);
+            // a link is in two rows: the first that is looked at says whether it is cut
+            let is_done = |other: ParticleId| other < j && codes.known(other) != 0;
+            if row.iter().all(|link| is_done(link.particle) || codes.part(own, link.particle)) {
+                continue;
+            }
             links.clear();
             links.extend(row.iter().filter(|link| {
                 let other = self.map.anchors[link.particle.index()];

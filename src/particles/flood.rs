@@ -7,6 +7,9 @@
 use crate::geometry::{HalfEdge, Mesh, VertexId};
 use glam::DVec3;
 
+/// Faces that a flood looks at together.
+const AHEAD: usize = 16;
+
 /// Enters every face next to a reached vertex once. Kept between floods: a stamp replaces clearing.
 #[derive(Clone, Debug, Default)]
 pub(super) struct FaceQueue {
@@ -53,14 +56,28 @@ impl FaceQueue {
         let (faces, opposites) = (mesh.faces(), mesh.all_opposites());
         let mut next = 0;
         while next < self.queued {
-            let (h, flags) = (HalfEdge((self.entered[next] >> 2) as u32), self.entered[next] & 3);
-            next += 1;
-            // The face was entered across `h`, whose ends are known; only the corner opposite may be new.
-            let (f, k) = (h.face().index(), h.corner());
-            let (k1, k2) = ([1, 2, 0][k], [2, 0, 1][k]);
-            let apex = u64::from(is_reached(faces[f][k2]));
-            self.enter(opposites[f][k1], apex | (flags & 2));
-            self.enter(opposites[f][k2], (flags & 1) | apex << 1);
+            // what a few faces lead to is read at once, for memory answers many questions as fast as one
+            let mut ahead = [(VertexId::NONE, [HalfEdge::NONE; 2], 0); AHEAD];
+            let count = AHEAD.min(self.queued - next);
+            let round = self.round;
+            for (slot, &entered) in ahead.iter_mut().zip(&self.entered[next..next + count]) {
+                let (h, flags) = (HalfEdge((entered >> 2) as u32), entered & 3);
+                // The face was entered across `h`, whose ends are known; only the corner opposite may be new.
+                let (f, k) = (h.face().index(), h.corner());
+                let (k1, k2) = ([1, 2, 0][k], [2, 0, 1][k]);
+                let across = [opposites[f][k1], opposites[f][k2]];
+                let fresh = |h: HalfEdge| match self.stamps.get(h.face().index()) {
+                    Some(&stamp) if stamp != round => h,
+                    _ => HalfEdge::NONE,
+                };
+                *slot = (faces[f][k2], across.map(fresh), flags);
+            }
+            next += count;
+            for &(corner, [left, right], flags) in &ahead[..count] {
+                let apex = u64::from(is_reached(corner));
+                self.enter(left, apex | (flags & 2));
+                self.enter(right, (flags & 1) | apex << 1);
+            }
         }
     }
 

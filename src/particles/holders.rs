@@ -2,7 +2,7 @@
 
 use super::particle_map::ParticleMap;
 use crate::geometry::{ParticleId, VertexId};
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
 
 /// Vertices a block.
 const BLOCK: usize = 16;
@@ -19,7 +19,7 @@ pub(super) struct Holders {
 struct Held {
     vertices: Vec<VertexId>,
     /// Bounds of each block of vertices at rest, rounded outwards.
-    bounds: Vec<[[f32; 3]; 2]>,
+    bounds: Vec<[Vec3A; 2]>,
 }
 
 impl Holders {
@@ -46,14 +46,11 @@ impl Holders {
         }
         let list = &mut self.lists[j.index()];
         if list.vertices.len().is_multiple_of(BLOCK) {
-            list.bounds.push([[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]]);
+            list.bounds.push([Vec3A::INFINITY, Vec3A::NEG_INFINITY]);
         }
         list.vertices.push(v);
         if let Some([low, high]) = list.bounds.last_mut() {
-            for d in 0..3 {
-                low[d] = low[d].min((at[d] as f32).next_down());
-                high[d] = high[d].max((at[d] as f32).next_up());
-            }
+            (*low, *high) = (low.min(below(at)), high.max(above(at)));
         }
     }
 
@@ -66,11 +63,23 @@ impl Holders {
 
     /// Calls `found` for the vertices of the particle's blocks that meet a box, in the order they were noted; some lie outside, some
     /// come twice, some are held no more.
-    pub(super) fn visit(&self, j: ParticleId, low: DVec3, high: DVec3, mut found: impl FnMut(VertexId)) {
+    pub(super) fn visit(&self, j: ParticleId, low: DVec3, high: DVec3, found: impl FnMut(VertexId)) {
+        self.visit_seen(j, low, high, |_, _| true, found);
+    }
+
+    /// [`Holders::visit`] without the blocks whose bounds do not meet a second condition.
+    pub(super) fn visit_seen(
+        &self,
+        j: ParticleId,
+        low: DVec3,
+        high: DVec3,
+        is_seen: impl Fn(Vec3A, Vec3A) -> bool,
+        mut found: impl FnMut(VertexId),
+    ) {
         let Some(list) = self.lists.get(j.index()) else { return };
-        for (block, [from, to]) in list.vertices.chunks(BLOCK).zip(&list.bounds) {
-            let apart = (0..3).any(|d| f64::from(from[d]) > high[d] || f64::from(to[d]) < low[d]);
-            if !apart {
+        let (low, high) = (below(low), above(high));
+        for (block, &[from, to]) in list.vertices.chunks(BLOCK).zip(&list.bounds) {
+            if (from.cmple(high) & to.cmpge(low)).all() && is_seen(from, to) {
                 block.iter().for_each(|&v| found(v));
             }
         }
@@ -106,6 +115,16 @@ impl Extend<VertexId> for VertexSet {
     fn extend<I: IntoIterator<Item = VertexId>>(&mut self, vertices: I) {
         vertices.into_iter().for_each(|v| self.insert(v));
     }
+}
+
+/// Rounded down.
+pub(super) fn below(p: DVec3) -> Vec3A {
+    Vec3A::from_array(p.to_array().map(|x| (x as f32).next_down()))
+}
+
+/// Rounded up.
+pub(super) fn above(p: DVec3) -> Vec3A {
+    Vec3A::from_array(p.to_array().map(|x| (x as f32).next_up()))
 }
 
 /// Place along the Z-order curve of a point with coordinates from 0 to 1023; others are clamped.

@@ -21,9 +21,6 @@ use std::ops::Range;
 /// they push out no link that was there.
 pub const EXTRA_INFLUENCES: usize = 16;
 
-/// Vertices that the way from an orphan to a particle may pass: among the shreds of many slits each orphan would look at all others.
-const ORPHAN_FLOOD: usize = 2048;
-
 /// A vertex that an edit made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NewVertex {
@@ -90,19 +87,22 @@ pub struct UpdateScratch {
     pub(super) rows: WorkRows,
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
+    /// A bit a particle, to put `near` in order.
+    is_near: Vec<u64>,
     /// The tissue's, for the time of an update.
     pub(super) tests: LinkTests,
     pub(super) codes: Codes,
-    work: Vec<VertexId>,
+    pub(super) work: Vec<VertexId>,
     weighted: Vec<(f64, ParticleId)>,
     pub(super) links: Vec<Link>,
     /// The last visit of [`Update::regain`] that looked at each particle, and the number of visits.
     tried: Vec<u32>,
     visits: u32,
-    /// Particles that no strip parts from an orphan, with their weights, in [`Update::nearest_connected`].
-    seen: Vec<(f64, ParticleId)>,
+    untried: Vec<ParticleId>,
+    /// Particles that no strip parts from an orphan, with their weights, in `orphans`.
+    pub(super) seen: Vec<(f64, ParticleId)>,
     /// Particles whose links are to be found: new and re-anchored ones.
-    unlinked: Vec<ParticleId>,
+    pub(super) unlinked: Vec<ParticleId>,
     /// Rows that the update rewrote, as they were: vertex and range of `old_entries`.
     old_rows: Vec<(VertexId, Range<usize>)>,
     old_entries: Vec<Influence>,
@@ -200,15 +200,21 @@ impl Update<'_, '_> {
         let places = &self.strips.places;
         let s = &mut *self.scratch;
         s.near.clear();
+        s.is_near.clear();
+        s.is_near.resize(map.len().div_ceil(64), 0u64);
         places.anchors.visit(low - reach, high + reach, |j| {
             if let Some(anchor) = map.anchors.get(j as usize).filter(|a| a.is_some())
                 && is_within(rest[anchor.index()], low - reach, high + reach)
             {
-                s.near.push(ParticleId(j));
+                s.is_near[j as usize / 64] |= 1 << (j % 64);
             }
         });
-        s.near.sort_unstable();
-        s.near.dedup();
+        for (word, bits) in s.is_near.iter_mut().enumerate() {
+            while *bits != 0 {
+                s.near.push(ParticleId::new(64 * word + bits.trailing_zeros() as usize));
+                *bits &= *bits - 1;
+            }
+        }
         s.rows.begin(mesh.vertex_slots());
         s.unlinked.clear();
         true
@@ -257,12 +263,12 @@ impl Update<'_, '_> {
     }
 
     /// Weight of `j` at `v` before normalisation; 0 out of reach or retired.
-    fn weight(&self, v: VertexId, j: ParticleId) -> f64 {
+    pub(super) fn weight(&self, v: VertexId, j: ParticleId) -> f64 {
         self.settings.weight(self.map, self.rest, v, j)
     }
 
     /// True if no strip lies between the anchor of `j` and `v`.
-    fn connects(&mut self, j: ParticleId, v: VertexId) -> bool {
+    pub(super) fn connects(&mut self, j: ParticleId, v: VertexId) -> bool {
         self.scratch.tests.connects(self.strips, self.rest, self.map, self.settings, (j, v))
     }
 
@@ -325,23 +331,19 @@ impl Update<'_, '_> {
         while next < self.scratch.work.len() {
             let v = self.scratch.work[next];
             next += 1;
+            if self.scratch.rows.open(v, self.map).len() >= limit {
+                continue;
+            }
             let mut gained = false;
-            let visit = self.scratch.visit();
-            for n in self.mesh.neighbours(v) {
-                if self.scratch.rows.open(v, self.map).len() >= limit {
-                    break;
-                }
-                let mut i = 0;
-                while let Some(j) = self.scratch.rows.particle(n, i, self.map) {
-                    i += 1;
-                    // what one neighbour has, the others mostly have too
-                    if std::mem::replace(&mut self.scratch.tried[j.index()], visit) == visit {
-                        continue;
-                    }
+            self.list_untried(v);
+            for i in 0..self.scratch.untried.len() {
+                let j = self.scratch.untried[i];
+                if self.may_link(v, j) {
+                    gained = true;
                     let row = self.scratch.rows.open(v, self.map);
-                    if row.len() < limit && !row.holds(j) && self.may_link(v, j) {
-                        self.scratch.rows.open(v, self.map).add(j);
-                        gained = true;
+                    row.add(j);
+                    if row.len() >= limit {
+                        break;
                     }
                 }
             }
@@ -349,6 +351,22 @@ impl Update<'_, '_> {
                 let s = &mut *self.scratch;
                 s.work.extend(self.mesh.neighbours(v).filter(|&n| s.rows.is_open(n)));
             }
+        }
+    }
+
+    /// Collects the particles that hold vertices next to `v` and not `v` itself, each once.
+    fn list_untried(&mut self, v: VertexId) {
+        let visit = self.scratch.visit();
+        let UpdateScratch { rows, tried, untried, .. } = &mut *self.scratch;
+        untried.clear();
+        rows.each(v, self.map, |j| tried[j.index()] = visit);
+        for n in self.mesh.neighbours(v) {
+            rows.each(n, self.map, |j| {
+                // what one neighbour has, the others mostly have too
+                if std::mem::replace(&mut tried[j.index()], visit) != visit {
+                    untried.push(j);
+                }
+            });
         }
     }
 
@@ -402,28 +420,8 @@ impl Update<'_, '_> {
         }
     }
 
-    /// [`Update::link_particles`] for a particle that holds what no other reaches, often a shred between slits: its flood does not
-    /// go on beyond a strip. What lies around a corner has particles of its own.
-    fn link_orphan(&mut self) {
-        let Some(j) = self.scratch.unlinked.pop() else { return };
-        let Self { mesh, rest, map, strips, settings, .. } = self;
-        let anchor = map.anchors[j.index()];
-        let (centre, radius) = (rest[anchor.index()], settings.radius_of(map, j));
-        let UpdateScratch { flood, tests, .. } = &mut *self.scratch;
-        flood.run(mesh, &[anchor], |v| {
-            rest[v.index()].distance_squared(centre) <= radius * radius && tests.connects(strips, rest, map, settings, (j, v))
-        });
-        for i in 0..self.scratch.flood.reached.len() {
-            let v = self.scratch.flood.reached[i];
-            if self.weight(v, j) > 0.0 {
-                self.scratch.rows.open(v, self.map).add(j);
-            }
-        }
-        self.find_neighbours(j, anchor);
-    }
-
     /// A new particle is joined to those that hold its anchor: near, on its sheet, and on its side of every strip.
-    fn find_neighbours(&mut self, j: ParticleId, anchor: VertexId) {
+    pub(super) fn find_neighbours(&mut self, j: ParticleId, anchor: VertexId) {
         let delta = self.settings.neighbours;
         let mean = self.map.mean_link_length(self.rest).unwrap_or(0.6 * delta);
         let mut i = 0;
@@ -450,59 +448,6 @@ impl Update<'_, '_> {
         links.insert(at, link);
         self.map.neighbours.set_row(of.index(), links);
         self.report.relinked.push(of);
-    }
-
-    /// Vertices left without a particle get the nearest connected one that no strip parts from them; where there is none
-    /// within reach, a new particle is anchored to the vertex itself.
-    fn adopt_orphans(&mut self) {
-        self.scratch.rows.list(&mut self.scratch.work);
-        let mut next = 0;
-        while next < self.scratch.work.len() {
-            let v = self.scratch.work[next];
-            next += 1;
-            if !self.mesh.vertex_is_live(v) || self.scratch.rows.open(v, self.map).len() > 0 {
-                continue;
-            }
-            match self.nearest_connected(v) {
-                Some(j) => self.scratch.rows.open(v, self.map).add(j),
-                None => {
-                    self.add_particle(v, DVec3::ZERO);
-                    self.link_orphan();
-                    self.scratch.rows.list(&mut self.scratch.work);
-                }
-            }
-        }
-    }
-
-    fn nearest_connected(&mut self, v: VertexId) -> Option<ParticleId> {
-        // those that no strip parts from the orphan, strongest first; often there is none
-        let mut seen = std::mem::take(&mut self.scratch.seen);
-        seen.clear();
-        for i in 0..self.scratch.near.len() {
-            let j = self.scratch.near[i];
-            let weight = self.weight(v, j);
-            if weight > 0.0 && self.connects(j, v) {
-                seen.push((weight, j));
-            }
-        }
-        seen.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let Self { mesh, rest, map, settings, .. } = self;
-        let anchor = |j: ParticleId| map.anchors[j.index()];
-        let flood = &mut self.scratch.flood;
-        let best = seen.first().and_then(|&(_, first)| {
-            let (p, reach) = (rest[v.index()], 2.0 * settings.radius);
-            let (mut is_found, mut visited) = (anchor(first) == v, 0);
-            flood.run(mesh, &[v], |w| {
-                let is_reached = !is_found && visited < ORPHAN_FLOOD && is_within(rest[w.index()], p - reach, p + reach);
-                is_found |= w == anchor(first);
-                visited += 1;
-                is_reached
-            });
-            let found = seen.iter().map(|s| s.1).find(|&j| flood.has_reached(anchor(j)));
-            if is_found { Some(first) } else { found }
-        });
-        self.scratch.seen = seen;
-        best
     }
 
     /// Writes the rows that differ from the map's.
@@ -551,8 +496,17 @@ impl Update<'_, '_> {
         let s = &mut *self.scratch;
         let start = s.old_entries.len();
         let old = self.map.influences.row(v.index());
-        for influence in row.iter().filter(|i| old.iter().all(|o| o.particle != i.particle)) {
-            self.strips.places.holders.push(influence.particle, v, self.rest[v.index()]);
+        let mut known = old;
+        for influence in row {
+            // both rows are in order; were they not, some would be noted twice
+            while let [first, rest @ ..] = known
+                && first.particle < influence.particle
+            {
+                known = rest;
+            }
+            if known.first().is_none_or(|o| o.particle != influence.particle) {
+                self.strips.places.holders.push(influence.particle, v, self.rest[v.index()]);
+            }
         }
         s.old_entries.extend_from_slice(old);
         s.old_rows.push((v, start..s.old_entries.len()));
@@ -574,6 +528,6 @@ impl Update<'_, '_> {
     }
 }
 
-fn is_within(p: DVec3, low: DVec3, high: DVec3) -> bool {
+pub(super) fn is_within(p: DVec3, low: DVec3, high: DVec3) -> bool {
     p.cmpge(low).all() && p.cmple(high).all()
 }

@@ -8,6 +8,7 @@ mod holders;
 mod link_tests;
 pub mod map_json;
 pub mod map_update;
+mod orphans;
 pub mod particle_map;
 pub mod plane_update;
 pub mod point_grid;

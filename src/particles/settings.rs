@@ -14,6 +14,8 @@ pub const MAX_INFLUENCES: usize = 16;
 const RADIUS_OVER_SPACING: f64 = 1.75;
 /// Default neighbour distance over the spacing: about 12 neighbours.
 const NEIGHBOURS_OVER_SPACING: f64 = 2.5;
+/// Squared distances above this many squared radii are out of reach, however they round.
+const FAR: f64 = 1.0 + 1e-12;
 /// Density of [`super::poisson::sample`]: spacing over that of a hexagonal packing of as many samples.
 const EXPECTED_RATIO: f64 = 0.85;
 
@@ -158,9 +160,15 @@ impl ParticleSettings {
         if anchor.is_none() {
             return 0.0;
         }
-        let distance = rest[anchor.index()].distance(rest[v.index()]);
-        let strength = if map.is_wound(particle) { self.wound.strength } else { 1.0 };
-        strength * sigmoid_weight(distance, self.radius_of(map, particle))
+        let squared = rest[anchor.index()].distance_squared(rest[v.index()]);
+        if squared > FAR * self.radius * self.radius {
+            return 0.0;
+        }
+        let (radius, strength) = match map.is_wound(particle) {
+            true => (self.wound.radius.min(self.radius), self.wound.strength),
+            false => (self.radius, 1.0),
+        };
+        strength * sigmoid_weight(squared.sqrt(), radius)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Does a straight link cross a strip? Exact predicates on the two triangles of an extended strip (MATHS 3.2).
 
-use glam::DVec3;
+use glam::{DVec3, Vec3A, Vec4};
 use robust::{Coord3D, orient3d};
 
 /// A strip as it is tested: extended by `d` above the base and `d / 4` below the tip, cut along a fixed diagonal.
@@ -23,6 +23,46 @@ pub struct StripGeometry {
     pub high: DVec3,
     /// How far outside of the bounds a lip of a neighbouring strip may lie and still be known by its side, metres.
     pub margin: f64,
+}
+
+/// The directions in which a point sees a strip: a cone of four planes through the point, one a lane. A first look at many points.
+#[derive(Clone, Copy, Debug)]
+pub struct Sight {
+    from: DVec3,
+    /// Coordinates of the normals, which have unit length or, where a plane bounds nothing, none.
+    pub normals: [Vec4; 3],
+    slack: f32,
+}
+
+impl Sight {
+    /// A point that every direction counts for.
+    pub fn everywhere(from: DVec3) -> Self {
+        Self { from, normals: [Vec4::ZERO; 3], slack: 0.0 }
+    }
+
+    /// How far below the planes a point within `radius` of the one that looks may seem and be on them: a thousand roundings.
+    #[inline]
+    pub fn slack(radius: f64) -> f32 {
+        (-1e-4 * radius) as f32
+    }
+
+    /// False only if no link from the point to `p`, within its radius, can meet the strip. Says nothing where a known side stands
+    /// in for geometry.
+    #[inline]
+    pub fn may_meet(&self, p: DVec3) -> bool {
+        let ([x, y, z], d) = (self.normals, (p - self.from).as_vec3());
+        (x * d.x + y * d.y + z * d.z).cmpge(Vec4::splat(self.slack)).all()
+    }
+
+    /// [`Sight::may_meet`] for any point of a box.
+    pub fn may_meet_box(&self, low: Vec3A, high: Vec3A) -> bool {
+        let ([x, y, z], from) = (self.normals, self.from.as_vec3a());
+        let (d, half) = (0.5 * (low + high) - from, 0.5 * (high - low));
+        let most = x * d.x + y * d.y + z * d.z + (x.abs() * half.x + y.abs() * half.y + z.abs() * half.z);
+        // roundings of places are those of the box's and the point's own size
+        let doubt = 1e-6 * (low.abs().max(high.abs()) + from.abs()).element_sum();
+        most.cmpge(Vec4::splat(self.slack - doubt)).all()
+    }
 }
 
 /// One end of a link: where it is, and the side it is known to be on for lip vertices.
@@ -129,12 +169,41 @@ impl StripGeometry {
         Some((low.max(from - radius) - slack, high.min(from + radius) + slack))
     }
 
+    /// How a point sees the strip, for links to points of the box of half-width `radius` around it.
+    pub fn sight(&self, from: DVec3, radius: f64) -> Sight {
+        let [[tip0, tip1, base1], [.., base0]] = self.triangles;
+        let corners = [tip0, tip1, base1, base0].map(|c| c - from);
+        let mut normals = [[0.0f32; 4]; 3];
+        for i in 0..4 {
+            let (a, b) = (corners[i], corners[(i + 1) % 4]);
+            let n = a.cross(b);
+            let squared = n.length_squared();
+            let others = [corners[(i + 2) % 4], corners[(i + 3) % 4]];
+            let heights = others.map(|c| n.dot(c));
+            // a plane that is ill defined, or that has corners on both sides as one of a twisted strip may, bounds nothing
+            let inwards = [1.0, -1.0].into_iter().find(|s| heights[0] * s >= 0.0 && heights[1] * s >= 0.0);
+            if let Some(sign) = inwards.filter(|_| squared > 1e-8 * a.length_squared() * b.length_squared()) {
+                let unit = n * (sign / squared.sqrt());
+                for d in 0..3 {
+                    normals[d][i] = unit[d] as f32;
+                }
+            }
+        }
+        Sight { from, normals: normals.map(Vec4::from_array), slack: Sight::slack(radius) }
+    }
+
     /// True if the outcodes of two points without known sides show that the link between them does not cross: both beyond one
     /// side of the bounds, or on one side of both planes.
     #[inline]
     pub fn codes_part(a: u16, b: u16) -> bool {
         let both = a & b;
         both & 0o77 != 0 || (both & 0o300 != 0 && both & 0o1400 != 0)
+    }
+
+    /// True if the outcodes of two points show that both are on one side of both planes.
+    #[inline]
+    pub fn planes_part(a: u16, b: u16) -> bool {
+        Self::codes_part(a & 0o1700, b & 0o1700)
     }
 
     /// True if a point with this outcode is on `side` of both triangles' planes by more than rounding: a known side then says no
@@ -351,6 +420,32 @@ mod tests {
         let side = lip(DVec3::new(0.99, -0.05, -0.25), 1);
         assert!(!strip.crosses_link(side, point(DVec3::new(1.2, 0.05, -0.25))));
         assert!(strip.crosses_link(side, point(DVec3::new(0.9, 0.05, -0.25))));
+    }
+
+    #[test]
+    fn what_crosses_is_in_sight() {
+        use crate::particles::test_models::noise;
+        let random = |i: u64| DVec3::new(noise(3 * i), noise(3 * i + 1), noise(3 * i + 2));
+        let (mut crossing, mut refused) = (0, 0);
+        for i in 0..4000 {
+            // flat and twisted strips, now and then far from the origin
+            let offset = if i % 5 == 0 { DVec3::splat(30.0) } else { DVec3::ZERO };
+            let at = |k: u64| offset + random(100 + 8 * i + k);
+            let (tip, base, along) = (at(0), at(1), 0.4 * (random(i) - 0.5));
+            let twist = if i % 2 == 0 { DVec3::ZERO } else { 0.2 * (at(2) - at(3)) };
+            let strip = StripGeometry::new([tip, tip + along, base + along + twist, base], 0.1);
+            let (a, b) = (at(4), at(5));
+            let radius = 1.1 * a.distance(b);
+            let sight = strip.sight(a, radius);
+            let point = b.as_vec3a();
+            assert!(sight.may_meet_box(point, point) || !sight.may_meet(b));
+            if strip.crosses(a, b) {
+                assert!(sight.may_meet(b) && sight.may_meet_box(point, point), "{i}");
+                crossing += 1;
+            }
+            refused += usize::from(!sight.may_meet(b));
+        }
+        assert!(crossing > 100 && refused > 2000, "{crossing} cross, {refused} are refused");
     }
 
     #[test]

@@ -75,8 +75,6 @@ pub struct Strips {
     /// Derived from `strips`, one for one; not hashed.
     geometry: Vec<StripGeometry>,
     along: Vec<Along>,
-    /// Bounds of every [`GROUP`] strips.
-    groups: Vec<(DVec3, DVec3)>,
     bvh: Bvh,
     /// Largest [`StripGeometry::margin`] of all strips that ever were, metres.
     largest_margin: f64,
@@ -131,9 +129,6 @@ impl Places {
         self.lips[strip].push(v);
     }
 }
-
-/// Strips that follow one another and share bounds, so that a link far from all of them is done with them at once.
-const GROUP: usize = 8;
 
 /// Where a strip lies in its slit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -264,7 +259,7 @@ impl Strips {
     }
 
     /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.
-    pub(super) fn code_of_anchor(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
+    pub(super) fn code_of(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
         let code = self.geometry[k].outcode(rest[v.index()]);
         match self.known_side(k, v) {
             Some(known) if !StripGeometry::is_on_side(code, known.side) => 0,
@@ -315,18 +310,6 @@ impl Strips {
         (self.along[k].before, self.along[k].length)
     }
 
-    /// Number of the group that strip `k` is in.
-    pub(super) fn group(k: u32) -> usize {
-        k as usize / GROUP
-    }
-
-    /// True if a link is apart from the bounds of all strips of a group.
-    #[inline]
-    pub(super) fn is_beside_group(&self, group: usize, a: DVec3, b: DVec3) -> bool {
-        let (low, high) = self.groups[group];
-        a.max(b).cmplt(low).any() || a.min(b).cmpgt(high).any()
-    }
-
     /// At least the largest [`StripGeometry::margin`] of all strips, metres.
     pub(super) fn largest_margin(&self) -> f64 {
         self.largest_margin
@@ -351,7 +334,6 @@ impl Strips {
             lips,
             geometry: self.geometry.clone(),
             along: self.along.clone(),
-            groups: self.groups.clone(),
             bvh: self.bvh.clone(),
             largest_margin: self.largest_margin,
             ..Self::default()
@@ -419,15 +401,6 @@ impl Strips {
         }
     }
 
-    fn widen_group(&mut self, k: usize) {
-        let StripGeometry { low, high, .. } = self.geometry[k];
-        if self.groups.len() <= k / GROUP {
-            self.groups.push((DVec3::INFINITY, DVec3::NEG_INFINITY));
-        }
-        let bounds = &mut self.groups[k / GROUP];
-        *bounds = (bounds.0.min(low), bounds.1.max(high));
-    }
-
     /// Checks that what updates look up knows every influence of the map and every anchor, where they are now.
     pub(super) fn check_places(&self, map: &ParticleMap, rest: &[DVec3]) -> Result<(), String> {
         if !self.places.is_built {
@@ -475,10 +448,6 @@ impl Strips {
         }
         self.geometry.truncate(self.len());
         self.along.truncate(self.len());
-        self.groups.truncate(self.len() / GROUP);
-        for k in self.groups.len() * GROUP..self.geometry.len() {
-            self.widen_group(k);
-        }
         for k in self.geometry.len()..self.len() {
             let strip = &self.strips[k];
             let geometry = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
@@ -490,7 +459,6 @@ impl Strips {
             let last = k.checked_sub(1).filter(|&i| self.strips[i].slit == strip.slit).map(|i| self.along[i]);
             let (start, before) = last.map_or((k, 0.0), |a| (a.start, a.before + a.length));
             self.along.push(Along { start, before, length });
-            self.widen_group(k);
         }
     }
 }

@@ -38,11 +38,6 @@ impl WorkRow {
         true
     }
 
-    /// True if the particle is there.
-    pub fn holds(&self, j: ParticleId) -> bool {
-        self.particles[..usize::from(self.len)].contains(&j)
-    }
-
     /// Number of particles.
     pub fn len(&self) -> usize {
         usize::from(self.len)
@@ -124,6 +119,17 @@ impl WorkRows {
             return row.particles[..row.len()].get(i).copied();
         }
         map.influences.row(v.index()).get(i).map(|e| e.particle)
+    }
+
+    /// Calls `found` for the particles of the row of `v`, open or not.
+    #[inline]
+    pub fn each(&self, v: VertexId, map: &ParticleMap, mut found: impl FnMut(ParticleId)) {
+        if self.is_open(v) {
+            let row = &self.rows[self.slots[v.index()].1 as usize];
+            row.particles[..row.len()].iter().for_each(|&j| found(j));
+        } else {
+            map.influences.row(v.index()).iter().for_each(|e| found(e.particle));
+        }
     }
 
     /// True if `j` holds `v`.

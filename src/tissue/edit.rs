@@ -189,18 +189,28 @@ impl Tissue {
         let (map, network) = (&layer.map, &mut layer.network);
         let springs = |p: usize| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight));
         network.update_springs(map.len(), &report.relinked, springs);
-        let layer = &*layer;
-        let carried = |v: VertexId, row: &[Influence]| {
-            displaced(self.pose.skin(&self.rows, v), motions(row, layer.displacements(), layer.network.turns()))
-        };
-        let moved: Vec<(VertexId, DVec3)> = scratch
-            .rows_before()
-            .filter(|(v, _)| v.index() < old_len && self.mesh.vertex_is_live(*v))
-            .map(|(v, before)| (v, carried(v, before) - carried(v, layer.map.influences.row(v.index()))))
-            .collect();
-        let inserted = new.iter().map(|n| (n.vertex, n.position));
-        let mut targets: Vec<(VertexId, DVec3)> =
-            moved.into_iter().map(|(v, by)| (v, self.position(v) + by)).chain(inserted).collect();
+        let Some(layer) = self.layer.as_ref() else { return report };
+        let (displacements, turns) = (layer.displacements(), layer.network.turns());
+        let rotates = layer.network.settings().rotations || !turns.is_empty();
+        // where none of its particles is displaced a vertex stands still, whatever its row
+        let is_displaced = |row: &[Influence]| row.iter().any(|i| displacements[i.particle.index()] != DVec3::ZERO);
+        let mut targets: Vec<(VertexId, DVec3)> = Vec::new();
+        for (v, before) in self.scratch.update.rows_before() {
+            if v.index() >= old_len || !self.mesh.vertex_is_live(v) {
+                continue;
+            }
+            let now = layer.map.influences.row(v.index());
+            let fades = self.fades.offset(v, self.time_s) != DVec3::ZERO;
+            if fades || rotates || is_displaced(before) || is_displaced(now) {
+                let skinned = self.pose.skin(&self.rows, v);
+                let carried = |row: &[Influence]| displaced(skinned, motions(row, displacements, turns));
+                let by = carried(before) - carried(now);
+                if fades || rotates || by != DVec3::ZERO {
+                    targets.push((v, self.position(v) + by));
+                }
+            }
+        }
+        targets.extend(new.iter().map(|n| (n.vertex, n.position)));
         self.refresh_turns_held(&mut targets);
         self.fade_from(targets.into_iter());
         report
