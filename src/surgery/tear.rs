@@ -335,7 +335,9 @@ impl TearScratch {
             self.region.triangulate();
             out.area_removed += self.area_taken();
             out.smallest_sine = out.smallest_sine.min(self.emit_faces(info));
-            self.tie_faces(mesh, face, i);
+            if self.is_closed {
+                self.tie_faces(mesh, face, i);
+            }
             out.touched.extend(mesh.face(face));
         }
     }
