@@ -12,7 +12,7 @@ pub(super) const NONE: u32 = u32::MAX;
 
 /// Pairs of points that some edge joins.
 #[derive(Debug, Default)]
-pub(super) struct Pairs {
+pub(crate) struct Pairs {
     joined: FxHashMap<u64, ()>,
     /// One ring of distinct corners and nothing taken: ears cannot join a pair twice, so nobody counts.
     idle: bool,

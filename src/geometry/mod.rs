@@ -22,6 +22,7 @@ pub mod validate;
 
 pub use components::Components;
 pub use csr::{SlotCsr, SlotCsrDelta, Span};
+pub(crate) use ears::Pairs;
 pub use extract::Extraction;
 pub use fx::FxHashMap;
 pub use hash::StateHash;

@@ -33,6 +33,12 @@ pub struct TopologyScratch {
     vertices: Vec<VertexId>,
     half_edges: Vec<HalfEdge>,
     order: Vec<u64>,
+    /// Half-edges that stay, with the ones across them that went.
+    cut: Vec<(HalfEdge, HalfEdge)>,
+    /// For each face to add the edges that its half-edges lie on: the lower half-edge of an edge that goes, or a number of its
+    /// own for one that is new. It tells edges between the same two vertices apart. May be empty; used up by
+    /// [`Mesh::replace_faces`].
+    pub ties: Vec<[u32; 3]>,
     /// Faces added by the last [`Mesh::replace_faces`], in the order they were given.
     pub added: Vec<FaceId>,
 }
@@ -65,6 +71,7 @@ impl Mesh {
         scratch: &mut TopologyScratch,
     ) {
         scratch.edges.clear();
+        scratch.cut.clear();
         scratch.removed.clear();
         scratch.removed.extend_from_slice(removed);
         scratch.removed.sort_unstable();
@@ -73,6 +80,7 @@ impl Mesh {
                 let out = self.opposite(HalfEdge::of(f, k));
                 if out.is_some() && scratch.removed.binary_search(&out.face()).is_err() {
                     scratch.edges.push((self.edge_key(out), side_of(self.face(out.face())), out));
+                    scratch.cut.push((out, HalfEdge::of(f, k)));
                     self.set_opposite(out, HalfEdge::NONE);
                 }
             }
@@ -92,12 +100,34 @@ impl Mesh {
         }
         scratch.edges.sort_unstable();
         for run in scratch.edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-            if let [(.., a), (.., b)] = *run
-                && self.from(a) != self.from(b)
-            {
-                self.set_opposite(a, b);
-                self.set_opposite(b, a);
+            if let [(.., a), (.., b)] = *run {
+                self.pair(a, b);
+            } else if !scratch.ties.is_empty() {
+                self.join_tied(run, scratch);
             }
+        }
+        scratch.ties.clear();
+    }
+
+    /// Joins half-edges between the same two vertices by the edges that they lie on.
+    fn join_tied(&mut self, run: &[(u64, u8, HalfEdge)], scratch: &TopologyScratch) {
+        let tie = |h: HalfEdge| match scratch.added.iter().position(|&f| f == h.face()) {
+            Some(i) => scratch.ties[i][h.corner()],
+            None => scratch.cut.iter().find(|c| c.0 == h).map_or(h.0, |c| h.0.min(c.1.0)),
+        };
+        let mut tied: Vec<(u32, HalfEdge)> = run.iter().map(|e| (tie(e.2), e.2)).collect();
+        tied.sort_unstable();
+        for pair in tied.chunk_by(|a, b| a.0 == b.0) {
+            if let [(_, a), (_, b)] = *pair {
+                self.pair(a, b);
+            }
+        }
+    }
+
+    fn pair(&mut self, a: HalfEdge, b: HalfEdge) {
+        if self.from(a) != self.from(b) {
+            self.set_opposite(a, b);
+            self.set_opposite(b, a);
         }
     }
 
@@ -195,6 +225,39 @@ impl Mesh {
             at = end;
         }
         scratch.order = order;
+    }
+
+    /// Collapses the edge `h` into its end: the faces on both sides go, and those around its start, `spokes`, named by the
+    /// half-edges that leave it, get the end and a wedge of it instead. The caller has made sure that no two faces fall together
+    /// (link condition) and that no edge around the start is open.
+    pub fn collapse_edge(&mut self, h: HalfEdge, spokes: &[(HalfEdge, WedgeId)]) {
+        let (from, to, back) = (self.from(h), self.to(h), self.opposite(h));
+        for &(spoke, wedge) in spokes {
+            let (f, k) = (spoke.face().index(), spoke.corner());
+            let (mut corners, mut wedges) = (self.faces[f], self.face_wedges[f]);
+            (corners[k], wedges[k]) = (to, wedge);
+            self.faces.set(f, corners);
+            self.face_wedges.set(f, wedges);
+        }
+        let gone = [h.face(), back.face()];
+        // what stays on either side of a face that goes, the half-edge that leaves the collapsed edge first
+        let beside = [[h.prev(), h.next()], [back.next(), back.prev()]].map(|s| s.map(|e| self.opposite(e)));
+        let ends = [self.from(h.prev()), self.from(back.prev())];
+        for ([a, b], tip) in [(beside[0], ends[0]), (beside[1], ends[1])] {
+            for (at, across) in [(a, b), (b, a)] {
+                if at.is_some() {
+                    self.set_opposite(at, across);
+                }
+            }
+            for v in [tip, to] {
+                if gone.contains(&self.vertex_half_edge[v.index()].face()) {
+                    let leaves = [a, a.next()].into_iter().find(|&e| self.from(e) == v);
+                    self.set_vertex_half_edge(v, leaves.unwrap_or(HalfEdge::NONE));
+                }
+            }
+        }
+        self.set_vertex_half_edge(from, HalfEdge::NONE);
+        gone.into_iter().for_each(|f| self.kill_face(f));
     }
 
     fn mark_fan(&self, h: HalfEdge, marked: &mut Vec<(u64, u8, HalfEdge)>) {

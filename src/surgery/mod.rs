@@ -18,6 +18,7 @@ pub mod stroke;
 pub mod tear;
 pub mod tear_walls;
 mod wall_mesh;
+mod wall_thin;
 pub mod walls;
 
 pub use blade_path::{BladePath, BladePose, EntryPoint, PathError, Sampling, SamplingSettings, SettingError, Surface};

@@ -154,7 +154,9 @@ impl Region {
                 let quality = self.quality(a, b, c);
                 let blocked = quality > 0.0
                     && ring.iter().any(|&p| p != a && p != b && p != c && self.in_closed_triangle(p, [a, b, c], slack));
-                let score = if slit && (self.has_edge(a, c) || has_side(&ring, a, c)) {
+                // points of one face edge that are not next to each other: the face across might join them too
+                let along = self.points[a as usize].lines & self.points[c as usize].lines & 7 != 0;
+                let score = if (slit && (self.has_edge(a, c) || has_side(&ring, a, c))) || (along && !has_side(&ring, a, c)) {
                     quality - 20.0
                 } else if blocked {
                     quality - 10.0

@@ -66,6 +66,8 @@ pub struct TearStep {
     pub area_removed: f64,
     /// Faces of walls and floor, with the side of the body that they line (closed tears).
     pub walls: Vec<(FaceId, Side)>,
+    /// Faces of older walls that have got other corners (closed tears): they may reach farther now.
+    pub widened_faces: Vec<FaceId>,
     /// Edges of the hole's rim that belong to no closed loop, and got no wall: the model was open there.
     pub unclosed_edges: usize,
     /// Sine of the smallest angle of the faces put in; infinite without any.
@@ -75,8 +77,11 @@ pub struct TearStep {
 impl TearStep {
     /// Forgets everything but the buffers.
     fn clear(&mut self) {
-        let Self { new_vertices, lips, on_end, added_faces, touched, walls, .. } = std::mem::take(self);
-        *self = Self { new_vertices, lips, on_end, added_faces, touched, walls, smallest_sine: f64::INFINITY, ..Self::default() };
+        let Self { new_vertices, lips, on_end, added_faces, touched, walls, widened_faces, .. } = std::mem::take(self);
+        let smallest_sine = f64::INFINITY;
+        let kept = Self { new_vertices, lips, on_end, added_faces, touched, walls, widened_faces, ..Self::default() };
+        *self = Self { smallest_sine, ..kept };
+        self.widened_faces.clear();
         self.new_vertices.clear();
         self.lips.clear();
         self.on_end.clear();
@@ -119,6 +124,8 @@ pub struct TearScratch {
     /// The walls of a closed tear.
     pub(super) lining: WallScratch,
     is_closed: bool,
+    /// As in [`WallSpec`]; 0 for an open tear.
+    grain: f64,
 }
 
 const NO_SLOT: u32 = u32::MAX;
@@ -151,7 +158,7 @@ pub fn tear_step(
     scratch.insert_on_edges(mesh, out);
     scratch.second_pass(mesh, body, position, tags);
     scratch.retriangulate(mesh, body, out);
-    scratch.replace(mesh, body, position, tags, out);
+    scratch.replace(mesh, body, walls, position, tags, out);
     if let Some(walls) = walls {
         scratch.line(mesh, body, walls, position, tags, out);
     }
@@ -175,8 +182,10 @@ impl TearScratch {
         self.wedges.clear();
         self.removed.clear();
         self.added.clear();
+        self.topology.ties.clear();
         self.zero.clear();
         self.is_closed = walls.is_some();
+        self.grain = walls.map_or(0.0, |w| w.grain);
         if let Some(walls) = walls {
             self.lining.clear();
             self.removed.extend(walls.remove.iter().filter(|&&f| mesh.is_live(f)));
@@ -190,9 +199,16 @@ impl TearScratch {
     }
 
     /// The vertex's slot with its position and values, made when first asked for.
-    pub(super) fn slot(&mut self, v: VertexId, body: &Body, position: &impl Fn(VertexId) -> DVec3, tags: &[OnPlanes]) -> usize {
+    pub(super) fn slot(
+        &mut self,
+        mesh: &Mesh,
+        v: VertexId,
+        body: &Body,
+        position: &impl Fn(VertexId) -> DVec3,
+        tags: &[OnPlanes],
+    ) -> usize {
         let slot = self.placed_slot(v, position);
-        self.give_values(slot, body, tags);
+        self.give_values(mesh, slot, body, position, tags);
         slot
     }
 
@@ -211,14 +227,19 @@ impl TearScratch {
         slot
     }
 
-    fn give_values(&mut self, slot: usize, body: &Body, tags: &[OnPlanes]) {
+    /// Vertices of a wall that lies in a plane within the grain count as on it: where a blade goes through its slot again, walls
+    /// would be cut into slivers of rounding.
+    fn give_values(&mut self, mesh: &Mesh, slot: usize, body: &Body, position: &impl Fn(VertexId) -> DVec3, tags: &[OnPlanes]) {
         if std::mem::replace(&mut self.valued[slot], true) {
             return;
         }
         let (v, at) = (self.slotted[slot], self.positions[slot]);
         let tagged = tags.binary_search_by_key(&v, |t| t.vertex).map_or(0, |i| tags[i].planes);
+        let is_wall = self.is_closed && mesh.fan(v).any(|h| mesh.face_info(h.face()).origin == u32::MAX);
         for (k, plane) in body.planes.iter().enumerate() {
-            self.values[slot][k] = if tagged >> k & 1 == 1 { 0.0 } else { plane.value(at) };
+            let is_on = tagged >> k & 1 == 1
+                || is_wall && plane.distance(at).abs() <= self.grain && wall_within(mesh, v, plane, self.grain, position);
+            self.values[slot][k] = if is_on { 0.0 } else { plane.value(at) };
         }
     }
 
@@ -248,7 +269,7 @@ impl TearScratch {
             if low.cmpgt(body.max).any() || high.cmplt(body.min).any() {
                 continue;
             }
-            slots.iter().for_each(|&s| self.give_values(s, body, tags));
+            slots.iter().for_each(|&s| self.give_values(mesh, s, body, position, tags));
             let values = slots.map(|s| &self.values[s]);
             if self.clipped.clip(&values, body.planes.len()) {
                 let first = self.points.len();
@@ -300,7 +321,7 @@ impl TearScratch {
                     self.removed.insert(at, back.face());
                     self.affected.push(Affected { face: back.face(), first: 0, len: 0 });
                     for v in mesh.face(back.face()) {
-                        self.slot(v, body, position, tags);
+                        self.slot(mesh, v, body, position, tags);
                     }
                 }
             }
@@ -314,6 +335,9 @@ impl TearScratch {
             self.region.triangulate();
             out.area_removed += self.area_taken();
             out.smallest_sine = out.smallest_sine.min(self.emit_faces(info));
+            if self.is_closed {
+                self.tie_faces(mesh, face, i);
+            }
             out.touched.extend(mesh.face(face));
         }
     }
@@ -446,20 +470,34 @@ impl TearScratch {
         smallest
     }
 
+    /// Notes which edges of the old `face` the region's triangles lie on.
+    fn tie_faces(&mut self, mesh: &Mesh, face: FaceId, region: usize) {
+        let points = &self.region.points;
+        self.topology.ties.extend(self.region.triangles.iter().map(|t| {
+            std::array::from_fn(|k| {
+                let shared = points[t[k] as usize].lines & points[t[(k + 1) % 3] as usize].lines & 7;
+                let h = HalfEdge::of(face, shared.trailing_zeros() as usize % 3);
+                let back = mesh.opposite(h);
+                if shared == 0 { u32::MAX - region as u32 } else { h.0.min(if back.is_some() { back.0 } else { h.0 }) }
+            })
+        }));
+    }
+
     fn replace(
         &mut self,
         mesh: &mut Mesh,
         body: &Body,
+        walls: Option<&WallSpec>,
         position: &impl Fn(VertexId) -> DVec3,
         tags: &[OnPlanes],
         out: &mut TearStep,
     ) {
         out.intersection_points = out.new_vertices.len();
-        if self.is_closed {
-            self.lining.note_surroundings(mesh, &self.removed);
+        if let Some(walls) = walls {
+            self.lining.note_surroundings(mesh, &self.removed, walls);
             for i in 0..self.removed.len() {
                 for v in mesh.face(self.removed[i]) {
-                    self.slot(v, body, position, tags);
+                    self.slot(mesh, v, body, position, tags);
                     out.touched.push(v);
                 }
             }
@@ -507,6 +545,16 @@ impl TearScratch {
             self.zero.iter().filter(|z| z.vertex == split.from).map(|z| OnPlanes { vertex: split.vertex, ..*z }).collect();
         self.zero.extend(copied);
     }
+}
+
+/// True if a wall at `v`, and no mere sliver of one, lies in `plane` within the grain.
+fn wall_within(mesh: &Mesh, v: VertexId, plane: &Plane, grain: f64, position: &impl Fn(VertexId) -> DVec3) -> bool {
+    mesh.fan(v).filter(|h| mesh.face_info(h.face()).origin == u32::MAX).any(|h| {
+        let [p, q, r] = mesh.face(h.face()).map(position);
+        let longest = p.distance(q).max(q.distance(r)).max(r.distance(p));
+        let height = (q - p).cross(r - p).length() / longest;
+        height > 100.0 * grain && [p, q, r].iter().all(|&c| plane.distance(c).abs() <= grain)
+    })
 }
 
 /// Sine of a triangle's smallest angle: the angle between its two longer sides.

@@ -3,6 +3,7 @@
 use super::boxes::Side;
 use super::insert::NewVertex;
 use super::tear::{Body, LipPoint, OnPlanes, TearScratch, TearStep, smallest_sine};
+use super::wall_thin::Thinner;
 use super::walls::{Facets, RimEdge, WallPoint, Walls, facet_axes};
 use crate::geometry::{FaceId, FaceInfo, FxHashMap, HalfEdge, Mesh, NewFace, SectionId, SplitVertex, VertexId, Wedge, WedgeId};
 use glam::{DMat3, DVec3};
@@ -18,6 +19,8 @@ pub struct WallSpec<'a> {
     pub keep: &'a [FaceId],
     /// Material of the walls.
     pub material: u32,
+    /// What stored positions cannot tell apart, metres: old walls that the body cuts are thinned to it.
+    pub grain: f64,
     /// Turns a normal of the pose into one at rest, up to its length.
     pub rest_from_posed: DMat3,
 }
@@ -33,14 +36,20 @@ pub(super) struct WallScratch {
     bits: Vec<(VertexId, u16)>,
     edges: Vec<RimEdge>,
     walls: Walls,
+    /// Vertices of the rim that edges of the surface join.
+    taken: Vec<[u32; 2]>,
     vertices: Vec<VertexId>,
     wedges: FxHashMap<u64, WedgeId>,
     faces: Vec<NewFace>,
     split: Vec<SplitVertex>,
+    /// The body cuts walls that are neither to go nor to be left alone.
+    cuts_walls: bool,
+    thinner: Thinner,
 }
 
 impl WallScratch {
     pub(super) fn clear(&mut self) {
+        self.cuts_walls = false;
         self.rim.clear();
         self.borders.clear();
         self.bits.clear();
@@ -62,7 +71,9 @@ impl WallScratch {
     }
 
     /// Before the faces are replaced: half-edges of faces that stay, along the hole.
-    pub(super) fn note_surroundings(&mut self, mesh: &Mesh, removed: &[FaceId]) {
+    pub(super) fn note_surroundings(&mut self, mesh: &Mesh, removed: &[FaceId], spec: &WallSpec) {
+        let is_old = |f: &FaceId| spec.remove.binary_search(f).is_err() && spec.keep.binary_search(f).is_err();
+        self.cuts_walls = removed.iter().any(|f| mesh.face_info(*f).origin == u32::MAX && is_old(f));
         for h in removed.iter().flat_map(|&f| (0..3).map(move |k| HalfEdge::of(f, k))) {
             let back = mesh.opposite(h);
             if back.is_some() && removed.binary_search(&back.face()).is_err() {
@@ -106,14 +117,15 @@ impl TearScratch {
         for i in 0..lining.rim.len() {
             let open = lining.rim[i];
             let (from, to) = (mesh.to(open), mesh.from(open));
-            let [a, b] = [from, to].map(|v| self.planes_of(v, first_new, &lining, body, position, tags));
+            let [a, b] = [from, to].map(|v| self.planes_of(mesh, v, first_new, &lining, body, position, tags));
             lining.edges.push(RimEdge { from, to, planes: without_start(a & b, body), open });
         }
         let at = |v: VertexId| match v.index().checked_sub(first_new) {
             Some(i) => out.new_vertices[i].position,
             None => self.positions[self.slot[v.index()] as usize],
         };
-        lining.walls.build(&mut lining.edges, body.planes, spec.facets, at);
+        lining.note_taken(mesh);
+        lining.walls.build(&mut lining.edges, &lining.taken, body.planes, spec.facets, at);
         out.unclosed_edges = lining.walls.unclosed_edges;
         lining.make_vertices(mesh, spec);
         for (i, &vertex) in lining.vertices.iter().enumerate().skip(lining.edges.len()) {
@@ -137,12 +149,47 @@ impl TearScratch {
         for &split in &lining.split {
             self.note_split(split, out);
         }
+        if lining.cuts_walls {
+            self.thin(mesh, &mut lining, spec, position, out);
+        }
         self.lining = lining;
     }
 
+    /// Takes out what the walls around the hole do not need. What is tagged stays as it is, or goes into what is tagged alike.
+    fn thin(
+        &mut self,
+        mesh: &mut Mesh,
+        lining: &mut WallScratch,
+        spec: &WallSpec,
+        position: &impl Fn(VertexId) -> DVec3,
+        out: &mut TearStep,
+    ) {
+        let walls = out.walls.iter().map(|w| w.0).chain(out.added_faces.iter().copied());
+        let walls = walls.filter(|&f| mesh.face_info(f).origin == u32::MAX);
+        let mut vertices: Vec<VertexId> = walls.flat_map(|f| mesh.face(f)).collect();
+        let mut tagged: Vec<(VertexId, i8)> = self.zero.iter().map(|z| (z.vertex, 0)).collect();
+        tagged.extend(out.lips.iter().map(|l| (l.vertex, l.side)));
+        tagged.sort_unstable();
+        let may = |v: VertexId, into: VertexId| {
+            let first = tagged.partition_point(|t| t.0 < v);
+            tagged[first..].iter().take_while(|t| t.0 == v).all(|t| tagged.binary_search(&(into, t.1)).is_ok())
+        };
+        let first_new = out.new_vertices.first().map_or(mesh.vertex_slots(), |n| n.vertex.index());
+        let at = |v: VertexId| v.index().checked_sub(first_new).map_or_else(|| position(v), |i| out.new_vertices[i].position);
+        lining.thinner.thin(mesh, &mut vertices, spec.grain, &at, &may);
+        out.walls.retain(|w| mesh.is_live(w.0));
+        out.added_faces.retain(|&f| mesh.is_live(f));
+        out.widened_faces.extend(lining.thinner.changed.iter().filter(|&&f| mesh.is_live(f)));
+        out.touched.extend(lining.thinner.gone.iter().filter(|v| v.index() < first_new));
+        out.touched.sort_unstable();
+        out.touched.dedup();
+    }
+
     /// Planes that `v` lies on by construction or exactly.
+    #[allow(clippy::too_many_arguments)]
     fn planes_of(
         &mut self,
+        mesh: &Mesh,
         v: VertexId,
         first_new: usize,
         lining: &WallScratch,
@@ -157,7 +204,7 @@ impl TearScratch {
         if v.index() >= first_new {
             return lining.inserted_bits(v);
         }
-        let slot = self.slot(v, body, position, tags);
+        let slot = self.slot(mesh, v, body, position, tags);
         self.planes_through(slot, body)
     }
 
@@ -180,6 +227,18 @@ fn without_start(planes: u16, body: &Body) -> u16 {
 }
 
 impl WallScratch {
+    /// Notes which vertices of the rim are joined.
+    fn note_taken(&mut self, mesh: &Mesh) {
+        let mut rim: Vec<VertexId> = self.edges.iter().map(|e| e.from).collect();
+        rim.sort_unstable();
+        rim.dedup();
+        self.taken.clear();
+        for &v in &rim {
+            let near = mesh.neighbours(v).filter(|w| *w > v && rim.binary_search(w).is_ok());
+            self.taken.extend(near.map(|w| [v.0, w.0]));
+        }
+    }
+
     /// Vertices of the wall's points: the rim's, then new ones for corners inside the solid.
     fn make_vertices(&mut self, mesh: &mut Mesh, spec: &WallSpec) {
         debug_assert_eq!(spec.facets.corners.len(), 8);

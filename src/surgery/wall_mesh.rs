@@ -1,8 +1,10 @@
 //! Triangulates the walls of one facet: directed loops in its plane, region to the left, any number, holes allowed.
 //!
 //! Every directed loop edge lies in exactly one triangle and every other edge in two opposed ones, whatever the geometry:
-//! ears are only *chosen* by geometry. Two edges that run back and forth between the same points cancel instead.
+//! ears are only *chosen* by geometry. Two edges that run back and forth between the same points cancel instead. No edge joins
+//! two points that one joins already, here or elsewhere in the mesh: the next box could not tell them apart.
 
+use crate::geometry::Pairs;
 use crate::geometry::predicates::orient2d;
 
 /// Doubled area over the longest side squared that counts as none. A lip on a flat skin is a straight line but for rounding:
@@ -17,11 +19,34 @@ pub struct FacetMesh {
     corners: Vec<Corner>,
 }
 
+/// Points of all facets as the mesh knows them, and which of them are joined.
+#[derive(Debug, Default)]
+pub struct Joined {
+    /// A number for each point, the same for points that are one vertex.
+    pub vertices: Vec<u32>,
+    /// Pairs of such numbers.
+    pub pairs: Pairs,
+}
+
+impl Joined {
+    /// True if an edge joins the points.
+    fn holds(&self, a: u32, b: u32) -> bool {
+        self.pairs.contains(self.vertices[a as usize], self.vertices[b as usize])
+    }
+
+    /// Notes an edge.
+    pub fn join(&mut self, a: u32, b: u32) {
+        self.pairs.insert(self.vertices[a as usize], self.vertices[b as usize]);
+    }
+}
+
 impl FacetMesh {
-    /// Triangulates `loops` (indices into `points`), appending to `out`.
+    /// Triangulates `loops` (indices into `points`), appending to `out`. `joined` holds the edges of the loops, and gets the
+    /// edges between triangles.
     pub fn triangulate<'a>(
         &mut self,
         points: &[[f64; 2]],
+        joined: &mut Joined,
         loops: impl Iterator<Item = &'a [u32]> + Clone,
         out: &mut Vec<[u32; 3]>,
     ) {
@@ -39,13 +64,13 @@ impl FacetMesh {
         holes.sort_by(|a, b| right(b).total_cmp(&right(a)));
         for hole in holes {
             match self.ring_around(points, hole) {
-                Some(ring) => self.bridge(points, ring, hole),
+                Some(ring) => self.bridge(points, joined, ring, hole),
                 None => self.rings.push(hole.to_vec()),
             }
         }
         for ring in std::mem::take(&mut self.rings) {
             self.ring = ring;
-            self.clip_ears(points, out);
+            self.clip_ears(points, joined, out);
         }
     }
 
@@ -59,7 +84,7 @@ impl FacetMesh {
     }
 
     /// Joins a hole to a ring by the shortest bridge that crosses nothing.
-    fn bridge(&mut self, points: &[[f64; 2]], ring: usize, hole: &[u32]) {
+    fn bridge(&mut self, points: &[[f64; 2]], joined: &mut Joined, ring: usize, hole: &[u32]) {
         let outer = &self.rings[ring];
         let at = |p: u32| points[p as usize];
         let mut best = (f64::INFINITY, 0, 0);
@@ -72,6 +97,7 @@ impl FacetMesh {
                     shortest = (length, i, j);
                 }
                 if length < best.0
+                    && !joined.holds(outer[i], hole[j])
                     && in_sector(points, outer, i, q)
                     && !crosses(points, outer, p, q)
                     && !crosses(points, hole, p, q)
@@ -81,6 +107,7 @@ impl FacetMesh {
             }
         }
         let (_, i, j) = if best.0 < f64::INFINITY { best } else { shortest };
+        joined.join(outer[i], hole[j]);
         let m = hole.len();
         let inner = (0..=m).map(|k| hole[(j + k) % m]);
         let joined: Vec<u32> = outer[..=i].iter().copied().chain(inner).chain(outer[i..].iter().copied()).collect();
@@ -88,7 +115,7 @@ impl FacetMesh {
     }
 
     /// Cuts ears, the best-shaped proper one first; where there is none, the least bad one.
-    fn clip_ears(&mut self, points: &[[f64; 2]], out: &mut Vec<[u32; 3]>) {
+    fn clip_ears(&mut self, points: &[[f64; 2]], joined: &mut Joined, out: &mut Vec<[u32; 3]>) {
         let mut ring = std::mem::take(&mut self.ring);
         let mut corners = std::mem::take(&mut self.corners);
         cancel_spikes(&mut ring);
@@ -108,13 +135,17 @@ impl FacetMesh {
                     }
                 }
                 let Some(i) = best.1 else { break None };
-                corners[i].blocker = blocker(points, corner(i), &ring);
+                let [a, _, c] = corner(i);
+                corners[i].blocker = if joined.holds(a, c) { Some(NOBODY) } else { blocker(points, corner(i), &ring) };
                 if corners[i].blocker.is_none() {
                     break Some(i);
                 }
             };
-            let forced = || (0..n).reduce(|a, b| if corners[b].quality > corners[a].quality { b } else { a }).unwrap_or(0);
+            let fitness = |i: usize| (!joined.holds(corner(i)[0], corner(i)[2]), corners[i].quality);
+            let forced = || (0..n).reduce(|a, b| if fitness(b) > fitness(a) { b } else { a }).unwrap_or(0);
             let i = best.unwrap_or_else(forced);
+            let [a, _, c] = corner(i);
+            joined.join(a, c);
             out.push(corner(i));
             let gone = ring.remove(i);
             corners.remove(i);
@@ -138,6 +169,9 @@ impl FacetMesh {
         (self.ring, self.corners) = (ring, corners);
     }
 }
+
+/// Keeps a corner from being an ear for good: its neighbours are joined already.
+const NOBODY: u32 = u32::MAX;
 
 /// What is known of a corner of the ring that ears are cut from.
 #[derive(Clone, Copy, Debug)]
@@ -251,7 +285,9 @@ mod tests {
 
     fn run(points: &[[f64; 2]], loops: &[&[u32]]) -> Vec<[u32; 3]> {
         let mut out = Vec::new();
-        FacetMesh::default().triangulate(points, loops.iter().copied(), &mut out);
+        let mut joined = Joined { vertices: (0..points.len() as u32).collect(), pairs: Pairs::default() };
+        joined.pairs.reset(loops, &[], false);
+        FacetMesh::default().triangulate(points, &mut joined, loops.iter().copied(), &mut out);
         out
     }
 

@@ -7,7 +7,7 @@
 //! facet by construction. Therefore the walls close the hole as a combinatorial 2-manifold whatever the labels and
 //! the rounding: geometry only decides where they run.
 
-use super::wall_mesh::FacetMesh;
+use super::wall_mesh::{FacetMesh, Joined};
 use crate::geometry::{HalfEdge, Plane, VertexId};
 use glam::DVec3;
 
@@ -144,6 +144,7 @@ pub struct Walls {
     outline_points: Vec<u32>,
     flat: Vec<[f64; 2]>,
     facet_mesh: FacetMesh,
+    joined: Joined,
     facet_triangles: Vec<[u32; 3]>,
 }
 
@@ -153,7 +154,15 @@ const FLAT: f64 = 1e-6;
 
 impl Walls {
     /// Builds the walls that close `rim` on the body with these `planes` and `facets`. Sorts `rim`.
-    pub fn build(&mut self, rim: &mut [RimEdge], planes: &[Plane], facets: &Facets, position: impl Fn(VertexId) -> DVec3) {
+    /// `taken` lists pairs of the rim's vertices that edges join.
+    pub fn build(
+        &mut self,
+        rim: &mut [RimEdge],
+        taken: &[[u32; 2]],
+        planes: &[Plane],
+        facets: &Facets,
+        position: impl Fn(VertexId) -> DVec3,
+    ) {
         self.clear();
         rim.sort_unstable_by_key(|e| (e.from, e.open));
         self.points.extend(rim.iter().map(|e| (WallPoint::Rim(e.from), position(e.from))));
@@ -178,7 +187,23 @@ impl Walls {
             self.join_along(e, facets);
         }
         self.trace_outlines();
+        self.note_joined(taken);
         self.triangulate(planes, facets);
+    }
+
+    /// Numbers the points and notes which are joined before any facet is triangulated.
+    fn note_joined(&mut self, taken: &[[u32; 2]]) {
+        let Self { points, joined, outlines, outline_points, .. } = self;
+        joined.vertices.clear();
+        joined.vertices.extend(points.iter().enumerate().map(|(i, (point, _))| match point {
+            WallPoint::Rim(v) => v.0,
+            WallPoint::Corner(_) => u32::MAX - i as u32,
+        }));
+        joined.pairs.reset(&[], taken, false);
+        for &(_, start, len) in outlines.iter() {
+            let at = |i: u32| outline_points[(start + i % len) as usize];
+            (0..len).for_each(|i| joined.join(at(i), at(i + 1)));
+        }
     }
 
     fn clear(&mut self) {
@@ -381,7 +406,8 @@ impl Walls {
     }
 
     /// How often each corner of the body is covered: once if it lies inside the solid, not at all outside. Differences
-    /// along the body's edges follow from the crossings; the constant from lengths and areas if they leave it open.
+    /// along the body's edges follow from the crossings; if they leave it open, the constant follows from where the corners were
+    /// seen, or from lengths and areas.
     fn find_flags(&mut self, planes: &[Plane], facets: &Facets) {
         let mut relative = [None::<i32>; 8];
         for c in 0..8u8 {
@@ -404,7 +430,12 @@ impl Walls {
         }
         let known = || relative.iter().flatten().copied();
         let (low, high) = (known().min().unwrap_or(0), known().max().unwrap_or(0));
-        let all_inside = low == high && self.covered(planes, facets) < 0.0;
+        let all_inside = low == high
+            && match facets.seen_inside {
+                // a sliver of rounding in a plane of old walls covers nothing
+                Some(seen) if seen.count_ones() % 8 == 0 => seen > 0,
+                _ => self.covered(planes, facets) < 0.0,
+            };
         self.flags = relative.map(|f| f.map_or(0, |f| (f - low + i32::from(all_inside)) as u16));
     }
 
@@ -525,7 +556,7 @@ impl Walls {
             self.flat.extend(self.points.iter().map(|(_, p)| [(*p - origin).dot(u), (*p - origin).dot(v)]));
             let loops = of_facet().map(|&(_, start, len)| &self.outline_points[start as usize..(start + len) as usize]);
             self.facet_triangles.clear();
-            self.facet_mesh.triangulate(&self.flat, loops, &mut self.facet_triangles);
+            self.facet_mesh.triangulate(&self.flat, &mut self.joined, loops, &mut self.facet_triangles);
             let wall = |&corners: &[u32; 3]| WallTriangle { corners, facet: facet as u8 };
             self.triangles.extend(self.facet_triangles.iter().map(wall));
         }

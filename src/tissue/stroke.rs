@@ -20,6 +20,9 @@ pub(super) use slit_stroke::{at_rest, bind_slit};
 /// Sides whose two triangles are this flat, as a fraction of the diagonal, are one plane.
 const FLAT_SIDE: f64 = 1e-9;
 
+/// What positions stored in f32 cannot tell apart, as a fraction of the diagonal.
+const GRAIN: f64 = 1e-7;
+
 /// The paper's rows for one segment, with what it did.
 #[derive(Clone, Debug, Default)]
 pub struct SegmentReport {
@@ -259,6 +262,7 @@ impl TearStroke {
                 remove: &self.end_wall,
                 keep: &self.other_walls,
                 material,
+                grain: (GRAIN * tissue.diagonal()).min(tear_box.quads[1][0].distance(tear_box.quads[1][1]) / 16.0),
                 rest_from_posed: rest_from_posed(tissue, nearest_vertex(tissue, &self.candidates, at, &|v| seen.of(tissue, v))),
             });
             let (mesh, posed) = tissue.split_borrow();
@@ -310,7 +314,7 @@ impl TearStroke {
         report.stages.time("bind", || {
             tissue.add_vertices(&step.new_vertices);
             tissue.settle_corners(&mut step.new_vertices);
-            tissue.widen_sections(step.walls.iter().map(|w| w.0));
+            tissue.widen_sections(step.walls.iter().map(|w| w.0).chain(step.widened_faces.iter().copied()));
         });
         self.near.clear();
         self.near.extend(step.touched.iter().copied().chain(step.new_vertices.iter().map(|n| n.vertex)));
