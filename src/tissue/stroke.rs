@@ -252,7 +252,7 @@ impl TearStroke {
         let margin = DVec3::splat(reach);
         let hit = report.stages.time("perform_tear", || {
             planes.faces_within(tissue, (low - margin, high + margin), &mut self.candidates);
-            if self.wall == WallMode::Closed && self.meets_old_walls(tissue) {
+            if self.wall == WallMode::Closed && self.meets_old_walls(tissue, &planes) {
                 planes.facets.seen_inside = Some(corners_inside(tissue, &planes.facets.corners));
             }
             let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
@@ -285,11 +285,16 @@ impl TearStroke {
         self.reports.push(report);
     }
 
-    /// True if the box meets walls of others than the box before it.
-    fn meets_old_walls(&self, tissue: &Tissue) -> bool {
-        let is_new = |f: &FaceId| self.end_wall.binary_search(f).is_ok() || self.other_walls.binary_search(f).is_ok();
-        let is_wall = |f: &FaceId| tissue.mesh.is_live(*f) && tissue.mesh.face_info(*f).origin == u32::MAX;
-        self.candidates.iter().any(|f| is_wall(f) && !is_new(f))
+    /// True if the box meets walls of others than the box before it: some that no plane of it keeps apart by more than the grain.
+    fn meets_old_walls(&self, tissue: &Tissue, planes: &BoxPlanes) -> bool {
+        let (outward, grain) = (planes.outward(), GRAIN * tissue.diagonal());
+        let is_new = |f: FaceId| self.end_wall.binary_search(&f).is_ok() || self.other_walls.binary_search(&f).is_ok();
+        let is_wall = |f: FaceId| tissue.mesh.is_live(f) && tissue.mesh.face_info(f).origin == u32::MAX;
+        let is_apart = |f: FaceId| {
+            let corners = tissue.mesh.face(f).map(|v| self.positions.of(tissue, v));
+            outward.iter().any(|&(n, d)| corners.iter().all(|p| n.dot(*p) + d > grain))
+        };
+        self.candidates.iter().any(|&f| is_wall(f) && !is_new(f) && !is_apart(f))
     }
 
     /// Remembers the walls and lips of the last box for the next.
@@ -474,13 +479,18 @@ impl BoxPlanes {
         all
     }
 
-    /// Faces of the sections that reach into the box; `low` and `high` are its bounds.
-    fn faces_within(&self, tissue: &Tissue, (low, high): (DVec3, DVec3), out: &mut Vec<FaceId>) {
-        let slack = 1e-9 * tissue.diagonal();
+    /// Outward normals of the planes, and their distances from the origin, rounded. Places without a plane keep nothing apart.
+    fn outward(&self) -> [(DVec3, f64); MAX_PLANES] {
         let mut outward = [(DVec3::ZERO, 0.0); MAX_PLANES];
         for (known, plane) in outward.iter_mut().zip(&self.planes) {
             *known = (plane.normal(), plane.distance(DVec3::ZERO));
         }
+        outward
+    }
+
+    /// Faces of the sections that reach into the box; `low` and `high` are its bounds.
+    fn faces_within(&self, tissue: &Tissue, (low, high): (DVec3, DVec3), out: &mut Vec<FaceId>) {
+        let (slack, outward) = (1e-9 * tissue.diagonal(), self.outward());
         let meets = |l: DVec3, h: DVec3| {
             let (middle, half) = ((l + h) / 2.0, (h - l) / 2.0);
             let beyond = |&(n, d): &(DVec3, f64)| n.dot(middle) + d > n.abs().dot(half) + slack;
