@@ -394,3 +394,35 @@ fn live_and_offline_give_the_same_bits() {
     };
     assert_eq!(torn(true), torn(false));
 }
+
+/// A ball with a hollow in it is two components. A blade that goes right through both joins them by walls, and what comes off is told
+/// all the same.
+#[test]
+fn what_is_severed_through_a_hollow_is_told() {
+    let (outer, inner) = (Solid::sphere(1.0, 3), Solid::sphere(0.5, 2));
+    let mut text = String::new();
+    for p in outer.positions.iter().chain(&inner.positions) {
+        text += &format!("v {} {} {}\n", p.x, p.y, p.z);
+    }
+    let first = outer.positions.len() as u32;
+    let turned = triangles(&inner).into_iter().map(|[a, b, c]| [a, c, b].map(|v| v + first));
+    for [a, b, c] in triangles(&outer).into_iter().chain(turned) {
+        text += &format!("f {} {} {}\n", a + 1, b + 1, c + 1);
+    }
+    let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
+    std::fs::write(file.path(), text).unwrap();
+    let model = incise::formats::load(&file.path().to_string_lossy()).unwrap();
+    let settings = TissueSettings { particles: None, ..models::settings(&model) };
+    let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
+    let mut scene = Scene::new(Tissue::new(model, &settings).unwrap(), tools);
+    scene.set_wall(WallMode::Closed);
+    let pose = |i: usize| {
+        let at = DVec3::new(0.2 * i as f64 - 1.2, 0.1, 0.0);
+        BladePose { t: i as f64 / 90.0, tip: at - 1.3 * DVec3::Z, base: at + 1.5 * DVec3::Z }
+    };
+    let report = stroke(&mut scene, 0.02, &(0..13).map(pose).collect::<Vec<_>>());
+    assert_eq!(report.outcome, Outcome::Severed);
+    assert!(report.pieces.len() == 2 && all_closed(&scene), "{:?}", report.pieces);
+    let [a, b] = [0, 1].map(|k| report.pieces[k].volume);
+    assert!(a.min(b) > 0.3 * (a + b), "{a} {b}");
+}

@@ -79,21 +79,23 @@ pub struct PartsBefore {
 }
 
 impl PartsBefore {
-    /// The component that `part` was in: a number below that of the components there were, or `u32::MAX` if no face of it is a
-    /// part of a loaded one, as with what has walls alone.
+    /// The component that `part` was in, the first of several that walls have joined: a number below that of the components there
+    /// were, or `u32::MAX` if no face of it is a part of a loaded one, as with what has walls alone.
     pub fn of(&self, mesh: &Mesh, part: &Part) -> u32 {
         if part.lowest_origin == u32::MAX {
             return u32::MAX;
         }
-        if self.of_section.is_empty() {
-            return 0;
-        }
+        let mut first = if self.of_section.is_empty() { 0 } else { u32::MAX };
         let mut infos = part.all_faces(mesh).map(|f| mesh.face_info(f)).filter(|info| info.origin != u32::MAX);
-        let known = |info: FaceInfo| match self.of_section.get(info.section.index()) {
-            Some(&part) if part != u32::MAX => Some(part),
-            _ => self.of_origin.get(&info.origin).copied(),
-        };
-        infos.find_map(known).unwrap_or(u32::MAX)
+        while first > 0
+            && let Some(info) = infos.next()
+        {
+            first = first.min(match self.of_section.get(info.section.index()) {
+                Some(&part) if part != u32::MAX => part,
+                _ => self.of_origin.get(&info.origin).copied().unwrap_or(u32::MAX),
+            });
+        }
+        first
     }
 }
 
@@ -419,6 +421,9 @@ mod tests {
             mesh.remove_faces(&gone, &mut TopologyScratch::default());
             let parts = graph.parts(&mesh);
             assert_eq!(parts.iter().map(|p| (p.faces, before.of(&mesh, p))).collect::<Vec<_>>(), [(8, 0), (1, 1), (1, 1)]);
+            // walls have joined both: no matter which is met first
+            let joined = Part { loose: vec![FaceId(8), FaceId(0)], sections: Vec::new(), ..parts[0].clone() };
+            assert_eq!(before.of(&mesh, &joined), 0);
             // of one component everything is a part, but what has no loaded face
             assert_eq!(PartsBefore::default().of(&mesh, &parts[1]), 0);
             assert_eq!(before.of(&mesh, &Part { lowest_origin: u32::MAX, ..parts[1].clone() }), u32::MAX);
