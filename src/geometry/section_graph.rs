@@ -3,7 +3,7 @@
 
 use super::extract::Extraction;
 use super::ids::{FaceId, HalfEdge, SectionId};
-use super::mesh::{FaceInfo, Mesh, MeshDelta};
+use super::mesh::{Mesh, MeshDelta};
 use std::collections::HashMap;
 
 /// What is known of a section.
