@@ -296,7 +296,6 @@ fn walls_along_straight_lips_have_no_face_without_area() {
     assert!(report.pieces[0].closed && report.smallest_angle.unwrap() > 0.0, "{:?}", report.smallest_angle);
 }
 
-/// One pose a frame, or all at once: the same bits while the tissue rests.
 /// A blade that goes back and forth in its own slot takes out what one pass does, and nothing else: the walls of the way back lie in
 /// the planes of the first walls, up to the rounding of their corners.
 #[test]
@@ -374,6 +373,7 @@ fn a_blade_that_turns_inside_leaves_no_dust() {
     assert!(faces.is_some_and(|n| (2000..12_000).contains(&n)), "{faces:?}");
 }
 
+/// One pose a frame, or all at once: the same bits while the tissue rests.
 #[test]
 fn live_and_offline_give_the_same_bits() {
     let torn = |live: bool| {

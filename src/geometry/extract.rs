@@ -206,13 +206,13 @@ impl Mesh {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::geometry::NewFace;
     use crate::geometry::validate::tests::octahedron;
 
     /// Two octahedra side by side, faces of both in each of two sections.
-    fn pair() -> Mesh {
+    pub fn pair() -> Mesh {
         let one = octahedron();
         let faces = [one.faces(), &one.faces().iter().map(|f| f.map(|v| VertexId(v.0 + 6))).collect::<Vec<_>>()].concat();
         let wedges = faces.iter().map(|f| f.map(|v| WedgeId(v.0))).collect();

@@ -2,9 +2,9 @@
 //! so that finding what a cut has parted looks only at the faces of the sections it went through.
 
 use super::extract::Extraction;
+use super::fx::FxHashMap;
 use super::ids::{FaceId, HalfEdge, SectionId};
 use super::mesh::{Mesh, MeshDelta};
-use std::collections::HashMap;
 
 /// What is known of a section.
 #[derive(Clone, Debug, Default)]
@@ -75,7 +75,7 @@ pub struct PartsBefore {
     /// By section, for those that were of one component. Empty, as is the other, if there was only one.
     of_section: Vec<u32>,
     /// By the loaded face that it is a part of, for faces of other sections.
-    of_origin: HashMap<u32, u32>,
+    of_origin: FxHashMap<u32, u32>,
 }
 
 impl PartsBefore {
@@ -399,16 +399,13 @@ fn join(parent: &mut [u32], a: u32, b: u32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::TopologyScratch;
+    use crate::geometry::extract::tests::pair;
     use crate::geometry::validate::tests::octahedron;
-    use crate::geometry::{TopologyScratch, VertexId, Wedge, WedgeId};
 
     #[test]
     fn parts_know_what_they_were_parts_of() {
-        let one = octahedron();
-        let faces = [one.faces(), &one.faces().iter().map(|f| f.map(|v| VertexId(v.0 + 6))).collect::<Vec<_>>()].concat();
-        let wedges = faces.iter().map(|f| f.map(|v| WedgeId(v.0))).collect();
-        let dress = |v: u32| Wedge { vertex: VertexId(v), group: WedgeId(v), ..one.wedge(WedgeId(0)) };
-        let mesh = Mesh::build(12, faces, wedges, &[0; 16], (0..12).map(dress).collect());
+        let (one, mesh) = (octahedron(), pair());
         let opposite = (1..8).find(|&f| one.face(FaceId(f)).iter().all(|v| !one.face(FaceId(0)).contains(v))).unwrap();
         for sections in [vec![0; 16], (0..16).map(|f| f / 8).collect(), (0..16).map(|f| f % 2).collect()] {
             let mut mesh = mesh.clone();
