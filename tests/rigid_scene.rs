@@ -228,3 +228,54 @@ fn the_same_commands_give_the_same_bits() {
     };
     assert_eq!(run(), run());
 }
+
+/// Height above the plane, of a tissue's lowest live vertex.
+fn lowest(scene: &Scene, id: TissueId, normal: DVec3, offset: f64) -> f64 {
+    let tissue = scene.tissue(id).unwrap();
+    let heights = tissue.mesh().live_vertices().map(|v| normal.dot(tissue.to_model(tissue.position(v))) - offset);
+    heights.fold(f64::INFINITY, f64::min)
+}
+
+#[test]
+fn a_piece_rests_on_what_it_was_cut_off() {
+    let (mut scene, _) = scene("sphere", 3000);
+    scene.pose(0.0, 0.0);
+    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    let (normal, offset) = (DVec3::new(0.1, 1.0, 0.05).normalize(), 0.1);
+    scene.edit(cut(normal, offset));
+    let piece = loose_ids(&scene)[0];
+    // Without a stand it would be half a radius deep in the other by then.
+    frames(&mut scene, 180);
+    assert!(lowest(&scene, piece, normal, offset) > -0.08, "{}", lowest(&scene, piece, normal, offset));
+    scene.edit(EditCommand::Reset);
+    assert!(loose_ids(&scene).is_empty());
+    scene.validate().unwrap();
+}
+
+#[test]
+fn few_particles_carry_a_piece_and_a_rolling_piece_does_not_sink_in() {
+    let (mut scene, _) = scene("heart", 3000);
+    scene.pose(0.0, 0.0);
+    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    let normal = DVec3::new(-0.35, 1.0, 0.25).normalize();
+    scene.edit(cut(normal, 0.012));
+    let piece = loose_ids(&scene)[0];
+    let (start, size) = (bounds(&scene, piece), scene.tissue(piece).unwrap().diagonal());
+    scene.edit(EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, 0.06, 0.0), radius: 0.25 * size });
+    for k in 1..=60 {
+        let share = f64::from(k.min(40)) / 40.0;
+        scene.edit(EditCommand::GrabMove { id: 1, by: DVec3::new(0.14 * share, 0.03, 0.02 * share) });
+        scene.step(STEP);
+    }
+    let now = bounds(&scene, piece);
+    let carried = 0.5 * (now.0 + now.1) - 0.5 * (start.0 + start.1);
+    let drawn_out = (now.1 - now.0).length() / (start.1 - start.0).length();
+    assert!((carried - DVec3::new(0.14, 0.03, 0.02)).length() < 0.05 && drawn_out < 1.2, "{carried} {drawn_out}");
+    scene.edit(EditCommand::GrabEnd { id: 1 });
+    let table = scene.ground_bounds().0.y;
+    for frame in 0..270 {
+        scene.step(STEP);
+        let low = bounds(&scene, piece).0.y;
+        assert!(low > table - 0.1 * (start.1 - start.0).length(), "frame {frame}: {low} under {table}");
+    }
+}

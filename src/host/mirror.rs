@@ -178,7 +178,7 @@ fn material_view(material: &Material) -> MaterialView<'_> {
     let texture = material.texture.as_ref().map(|t| TextureView { width: t.width, height: t.height, rgba: &t.rgba });
     let view = MaterialView { base_colour: material.base_colour, texture, ..MaterialView::FLESH };
     match material.name.as_str() {
-        "wound" => MaterialView { roughness: 0.6, wetness: 0.9, ..view },
+        "wound" => MaterialView { roughness: 0.6, wetness: 0.45, ..view },
         "cap" => MaterialView { roughness: 0.55, wetness: 0.7, ..view },
         // A picture on the surface is skin or fur: drier and less translucent than bare flesh.
         _ if texture.is_some() => MaterialView { wetness: 0.25, scatter: 0.4, ..view },

@@ -7,10 +7,11 @@
 use super::network::Network;
 use super::rigid::{RigidPose, RigidShape, Solid};
 use crate::geometry::ParticleId;
-use glam::{DVec3, Vec3};
+use glam::{DQuat, DVec3, Vec3};
 use rapier3d::dynamics::{RigidBodyBuilder, RigidBodyHandle};
-use rapier3d::geometry::ColliderBuilder;
+use rapier3d::geometry::{ColliderBuilder, ColliderHandle, Group, InteractionGroups, InteractionTestMode};
 use rapier3d::math::Pose;
+use rapier3d::parry::query;
 use rapier3d::parry::shape::SharedShape;
 use rapier3d::pipeline::PhysicsWorld;
 use std::collections::BTreeMap;
@@ -23,6 +24,14 @@ pub const MAX_SUBSTEPS: usize = 16;
 pub const GRAVITY: f64 = 9.81;
 /// A loose body moves no faster than this many lengths of the world in a second.
 const FASTEST: f64 = 100.0;
+
+/// How fast a piece follows the hand that holds it, Hz.
+const CARRYING: f64 = 8.0;
+/// Width and depth of the table, in lengths of the world.
+const TABLE_WIDTH: f64 = 200.0;
+const TABLE_DEPTH: f64 = 20.0;
+/// What stands are among rapier's groups.
+const STANDS: Group = Group::GROUP_2;
 
 /// Names a body for as long as the world lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -52,10 +61,12 @@ pub(super) struct Body {
     /// Loose bodies only: kg.
     mass: f64,
     pub push: Push,
-    /// Force of the last step in which any was put on it.
+    /// Force that the soft layers put on it before the last step.
     felt: DVec3,
     /// True until its first step: what it then overlaps, it was born in.
     pub fresh: bool,
+    /// Whether soft layers feel it.
+    soft: bool,
 }
 
 /// Bodies, their poses, and rapier.
@@ -128,6 +139,49 @@ impl RigidWorld {
         Some(self.insert(Body::new(Some(handle), solid, pose, mass)))
     }
 
+    /// Adds a body that loose ones may lie on, the convex hull of `points` (its own frame, metres): what is under the soft layer of
+    /// a tissue that stays. Soft layers do not feel it.
+    pub fn add_stand(&mut self, points: &[DVec3], pose: RigidPose) -> Option<BodyId> {
+        let pose = pose.checked()?;
+        let groups = InteractionGroups::new(STANDS, Group::ALL, InteractionTestMode::And);
+        let collider = ColliderBuilder::new(hull(points)?).friction(0.6).collision_groups(groups);
+        let (handle, _) = self.world.insert(RigidBodyBuilder::fixed().pose(to_rapier(&pose)), collider);
+        // Its shape is rapier's alone.
+        let solid = Solid::Simple(RigidShape::Sphere { radius: self.length });
+        Some(self.insert(Body { soft: false, ..Body::new(Some(handle), solid, pose, 0.0) }))
+    }
+
+    /// Gives a stand another shape, for loose bodies to be moved by; nothing happens if there is no such hull.
+    pub fn reshape_stand(&mut self, id: BodyId, points: &[DVec3]) {
+        let handle = self.bodies.get(&id).filter(|b| !b.soft).and_then(|b| b.handle);
+        if let (Some(collider), Some(shape)) = (self.collider(handle), hull(points)) {
+            self.world.colliders[collider].set_shape(shape);
+        }
+    }
+
+    /// How far two bodies reach into each other, metres; 0 if they do not.
+    pub fn overlap(&self, a: BodyId, b: BodyId) -> f64 {
+        let side = |id: BodyId| {
+            let collider = self.world.colliders.get(self.collider(self.bodies.get(&id)?.handle)?)?;
+            Some((to_rapier(&self.pose(id)?), collider.shape()))
+        };
+        let (Some((pose_a, a)), Some((pose_b, b))) = (side(a), side(b)) else { return 0.0 };
+        let contact = query::contact(&pose_a, a, &pose_b, b, 0.0).ok().flatten();
+        contact.map_or(0.0, |c| f64::from(-c.dist).max(0.0))
+    }
+
+    /// Lets a loose body pass through all stands.
+    pub fn pass_stands(&mut self, id: BodyId) {
+        if let Some(collider) = self.collider(self.bodies.get(&id).and_then(|b| b.handle)) {
+            let groups = InteractionGroups::new(Group::GROUP_1, Group::ALL & !STANDS, InteractionTestMode::And);
+            self.world.colliders[collider].set_collision_groups(groups);
+        }
+    }
+
+    fn collider(&self, body: Option<RigidBodyHandle>) -> Option<ColliderHandle> {
+        self.world.bodies.get(body?)?.colliders().first().copied()
+    }
+
     /// Puts the table's top at this height along up, or takes it away.
     pub fn set_table(&mut self, height: Option<f64>) {
         if let Some(id) = self.table.take() {
@@ -136,8 +190,11 @@ impl RigidWorld {
         let Some(height) = height.filter(|h| h.is_finite()) else { return };
         let pose = RigidPose::at(self.up * height);
         let builder = RigidBodyBuilder::fixed().pose(to_rapier(&pose));
-        let (handle, _) =
-            self.world.insert(builder, ColliderBuilder::new(SharedShape::halfspace(self.up.as_vec3())).friction(0.8));
+        // No half-space: of a hull, rapier holds one face against that, and not the deepest vertex, so that rolling pieces sink in.
+        let (wide, deep) = (TABLE_WIDTH * self.length, TABLE_DEPTH * self.length);
+        let upright = RigidPose { rotation: DQuat::from_rotation_arc(DVec3::Y, self.up), translation: -0.5 * deep * self.up };
+        let slab = SharedShape::cuboid(0.5 * wide as f32, 0.5 * deep as f32, 0.5 * wide as f32);
+        let (handle, _) = self.world.insert(builder, ColliderBuilder::new(slab).position(to_rapier(&upright)).friction(0.8));
         self.table = Some(self.insert(Body::new(Some(handle), Solid::below(self.up), pose, 0.0)));
     }
 
@@ -163,6 +220,11 @@ impl RigidWorld {
         self.bodies.get(&id).map(|b| b.now)
     }
 
+    /// Mass of a loose body, kg; 0 for others.
+    pub fn mass(&self, id: BodyId) -> f64 {
+        self.bodies.get(&id).map_or(0.0, |b| b.mass)
+    }
+
     /// Velocity of a loose body, m/s.
     pub fn velocity(&self, id: BodyId) -> DVec3 {
         let handle = self.bodies.get(&id).and_then(|b| b.handle);
@@ -182,9 +244,21 @@ impl RigidWorld {
     pub fn press(&mut self, id: BodyId, at: DVec3, frame: &RigidPose, (network, particle): (&Network, ParticleId), mass: f64) {
         let (force, stiffness) = network.holding(particle, network.velocity(particle));
         let force = frame.direction(force) * mass;
+        let (stiffness, damping) = (stiffness * mass.abs(), network.settings().damping_rate() * mass.abs());
+        self.push_at(id, at, force, stiffness, damping);
+    }
+
+    /// Carries a `share` of a loose body's mass by a place (world) that is held `by` metres away from where it is on the body. The
+    /// springs of the soft layer alone would be drawn out: tissue that is pulled at stiffens.
+    pub fn carry(&mut self, id: BodyId, at: DVec3, by: DVec3, share: f64) {
+        let (mass, rate) = (share * self.mass(id), std::f64::consts::TAU * CARRYING);
+        let (stiffness, damping) = (mass * rate * rate, 2.0 * mass * rate);
+        self.push_at(id, at, stiffness * by - damping * self.velocity(id), stiffness, damping);
+    }
+
+    fn push_at(&mut self, id: BodyId, at: DVec3, force: DVec3, stiffness: f64, damping: f64) {
         let Some(body) = self.bodies.get_mut(&id).filter(|_| force.is_finite() && at.is_finite()) else { return };
         let arm = at.distance_squared(body.now.translation);
-        let (stiffness, damping) = (stiffness * mass.abs(), network.settings().damping_rate() * mass.abs());
         body.push.force += force;
         body.push.torque += at.cross(force);
         body.push.stiffness += stiffness;
@@ -205,7 +279,7 @@ impl RigidWorld {
 
     /// True if there is a body that soft layers may touch, the table not counted.
     pub fn is_empty(&self) -> bool {
-        self.bodies.len() == usize::from(self.table.is_some())
+        self.touching().next().is_none()
     }
 
     /// True if no body moves or is about to.
@@ -220,7 +294,7 @@ impl RigidWorld {
 
     /// Bodies that soft layers touch, the table last to be told from the others by whom it concerns.
     pub(super) fn touching(&self) -> impl Iterator<Item = (BodyId, &Body)> {
-        self.bodies.iter().filter(|(id, _)| Some(**id) != self.table).map(|(id, b)| (*id, b))
+        self.bodies.iter().filter(|(id, b)| b.soft && Some(**id) != self.table).map(|(id, b)| (*id, b))
     }
 
     pub(super) fn body(&self, id: BodyId) -> Option<&Body> {
@@ -241,6 +315,7 @@ impl RigidWorld {
             body.before = body.now;
             body.now = body.next.take().unwrap_or(body.now);
         }
+        self.wake_by_force();
         let driven = self.bodies.values().any(Body::moved);
         if self.loose > 0 && (driven || self.bodies.values().any(|b| self.is_falling(b))) {
             self.step_rapier(h);
@@ -282,6 +357,17 @@ impl RigidWorld {
         }
     }
 
+    /// A body that lies still on the skin or in a hand may sleep: another force wakes it, and so does none.
+    fn wake_by_force(&mut self) {
+        for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
+            let change = (body.push.force - body.felt).length();
+            body.felt = body.push.force;
+            if let Some(handle) = body.handle.filter(|_| change > 1e-3 * GRAVITY * body.mass) {
+                self.world.wake_up(handle, true);
+            }
+        }
+    }
+
     /// A driven body that moves wakes the loose ones it may reach.
     fn wake_near_driven(&mut self) {
         let reach = |b: &Body| {
@@ -313,18 +399,16 @@ impl RigidWorld {
             let about = torque - rigid.center_of_mass().as_dvec3().cross(force);
             let inertia = f64::from(rigid.mass_properties().local_mprops.principal_inertia().min_element());
             let share = inertia / (inertia + h * turn_damping + h * h * turn_stiffness);
-            // A body that lies still on the skin may sleep: only another force wakes it.
-            let wakes = (force - body.felt).length() > 1e-3 * weight.length();
-            body.felt = force;
-            rigid.add_force(whole.as_vec3(), wakes);
-            rigid.add_torque((share * (about - h * turn_stiffness * spin)).as_vec3(), wakes);
+            rigid.add_force(whole.as_vec3(), false);
+            rigid.add_torque((share * (about - h * turn_stiffness * spin)).as_vec3(), false);
         }
     }
 }
 
 impl Body {
     fn new(handle: Option<RigidBodyHandle>, solid: Solid, pose: RigidPose, mass: f64) -> Self {
-        Self { handle, solid, before: pose, now: pose, next: None, mass, push: Push::default(), felt: DVec3::ZERO, fresh: true }
+        let (push, felt) = (Push::default(), DVec3::ZERO);
+        Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh: true, soft: true }
     }
 
     /// True if the last step moved it.

@@ -1,6 +1,7 @@
 //! The rigid world of a scene: what a user's instruments push, and pieces that fall once they have come off (MATHS 4.4, 6).
 
 use super::{Scene, TissueId};
+use crate::geometry::VertexId;
 use crate::physics::{BodyId, RigidPose, RigidShape, RigidWorld};
 use crate::tissue::Tissue;
 use glam::DVec3;
@@ -52,12 +53,24 @@ struct Collider {
     target: RigidPose,
 }
 
+/// What lies under the soft layer of a tissue that stays while pieces of it fall.
+struct Stand {
+    tissue: TissueId,
+    body: BodyId,
+    /// Of its hull.
+    vertices: Vec<VertexId>,
+    /// The pose that the hull is of.
+    pose: u64,
+}
+
 /// Bodies of instruments and of loose pieces.
 pub(super) struct Rigid {
     world: RigidWorld,
     colliders: BTreeMap<u32, Collider>,
     /// Loose tissues and their bodies, whose origin is the tissue's.
     loose: BTreeMap<TissueId, BodyId>,
+    /// Of the others, while there are loose ones.
+    stands: Vec<Stand>,
     /// For each piece that came off: what it came off, and whether that was loose already.
     parents: BTreeMap<TissueId, (TissueId, bool)>,
     settings: PieceSettings,
@@ -71,6 +84,8 @@ const LONGEST_TOUCH: f64 = 1.0 / 40.0;
 const MOST_PARTS: usize = 40;
 /// Directions in which a loose piece's hull reaches as far as the piece.
 const HULL_POINTS: usize = 64;
+/// A piece that reaches deeper than this into what it came off, in diagonals of the model, passes through it.
+const MOST_OVERLAP: f64 = 0.02;
 /// The table lies this far under the model, in half diagonals: where the tray is drawn.
 const TABLE_GAP: f64 = 0.015;
 
@@ -82,6 +97,7 @@ impl Rigid {
             world: RigidWorld::new(DVec3::Y, tissue.diagonal()),
             colliders: BTreeMap::new(),
             loose: BTreeMap::new(),
+            stands: Vec::new(),
             parents: BTreeMap::new(),
             settings: PieceSettings::default(),
             ground,
@@ -110,9 +126,38 @@ impl Rigid {
         let velocity = self.loose.get(&id).map_or(DVec3::ZERO, |body| self.world.velocity(*body));
         self.drop_body(id);
         let mass = tissue.mass_guess() * self.settings.density / crate::tissue::touch::DENSITY;
-        if let Some(body) = self.world.add_hull(&tissue.hull_points(HULL_POINTS), mass, tissue.frame()) {
+        if let Some(body) = self.world.add_hull(&tissue.hull_points(&tissue.hull_vertices(HULL_POINTS)), mass, tissue.frame()) {
             self.world.set_velocity(body, velocity);
             self.loose.insert(id, body);
+        }
+    }
+
+    /// Makes what loose pieces may lie on: what stays of the model. Nothing while none is loose.
+    fn stand(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
+        for stand in self.stands.drain(..) {
+            self.world.remove(stand.body);
+        }
+        if self.loose.is_empty() {
+            return;
+        }
+        for (&id, tissue) in tissues.iter().filter(|(id, _)| !self.loose.contains_key(id)) {
+            let vertices = tissue.hull_vertices(HULL_POINTS);
+            if let Some(body) = self.world.add_stand(&tissue.hull_points(&vertices), tissue.frame()) {
+                self.stands.push(Stand { tissue: id, body, vertices, pose: tissue.versions().pose });
+            }
+        }
+    }
+
+    /// Stands follow the animation while something falls.
+    fn pose_stands(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
+        if self.stands.is_empty() || self.world.is_resting() {
+            return;
+        }
+        for stand in &mut self.stands {
+            if let Some(tissue) = tissues.get(&stand.tissue).filter(|t| t.versions().pose != stand.pose) {
+                stand.pose = tissue.versions().pose;
+                self.world.reshape_stand(stand.body, &tissue.hull_points(&stand.vertices));
+            }
         }
     }
 }
@@ -180,6 +225,7 @@ impl Scene {
     pub fn step(&mut self, step_s: f64) {
         let h = if step_s > 0.0 { step_s.min(crate::physics::MAX_STEP) } else { 0.0 };
         let parts = self.rigid.parts(h);
+        self.rigid.pose_stands(&self.tissues);
         for part in 0..parts {
             self.step_part(h / parts as f64, parts - part);
         }
@@ -233,12 +279,21 @@ impl Scene {
         let was_loose = self.rigid.loose.contains_key(&parent);
         let all: Vec<TissueId> = std::iter::once(parent).chain(made.iter().copied()).collect();
         let stays = if was_loose { None } else { self.fixed_among(&all) };
-        for id in all {
+        for &id in &all {
             if id != parent {
                 self.rigid.parents.insert(id, (parent, was_loose));
             }
             if let Some(tissue) = self.tissues.get(&id).filter(|_| Some(id) != stays) {
                 self.rigid.loosen(id, tissue);
+            }
+        }
+        self.rigid.stand(&self.tissues);
+        let Rigid { world, loose, stands, ground, .. } = &mut self.rigid;
+        // A flap cut out of a hollow: no plane parts it from the rest, and their hulls would throw it out.
+        let most = MOST_OVERLAP * (ground.1 - ground.0).length();
+        for body in all.iter().filter_map(|id| loose.get(id)) {
+            if stands.iter().any(|s| world.overlap(s.body, *body) > most) {
+                world.pass_stands(*body);
             }
         }
     }
@@ -271,6 +326,7 @@ impl Scene {
                 self.rigid.loosen(parent, tissue);
             }
         }
+        self.rigid.stand(&self.tissues);
     }
 
     /// A severing was done again: pieces start from where their parents are.

@@ -84,9 +84,10 @@ impl Tissue {
             self.touch.contacts.react(world, (&self.frame, own), &layer.network, layer.particle_mass);
         }
         if let (Some(layer), Some(own)) = (&self.layer, own) {
-            for (particle, _) in &self.scratch.grabs {
-                let at = self.particle_in_model(*particle);
-                world.press(own, at, &self.frame, (&layer.network, *particle), layer.particle_mass);
+            let share = 1.0 / self.scratch.grabs.len().max(1) as f64;
+            for &(particle, _) in &self.scratch.grabs {
+                let by = self.frame.direction(layer.network.displacement(particle));
+                world.carry(own, self.particle_in_model(particle), by, share);
             }
         }
     }
@@ -178,10 +179,8 @@ impl Tissue {
         if mass.is_finite() { mass.max(1e-9) } else { 1.0 }
     }
 
-    /// Points (tissue space) whose hull is nearly that of the tissue as it is seen: the farthest vertices in `count` directions,
-    /// drawn in by a few per cent so that pieces do not start inside each other.
-    pub fn hull_points(&self, count: usize) -> Vec<DVec3> {
-        const SHRUNK: f64 = 0.97;
+    /// Vertices whose hull is nearly that of the tissue as it is seen: the farthest in `count` directions.
+    pub fn hull_vertices(&self, count: usize) -> Vec<VertexId> {
         const MOST_VERTICES: usize = 20_000;
         let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let directions = (0..count).map(|k| {
@@ -203,7 +202,14 @@ impl Tissue {
         let mut vertices: Vec<VertexId> = farthest.into_iter().map(|f| f.2).filter(|v| v.is_some()).collect();
         vertices.sort_unstable();
         vertices.dedup();
-        let mut points: Vec<DVec3> = vertices.into_iter().map(|v| self.position(v)).collect();
+        vertices
+    }
+
+    /// Where they are (tissue space), drawn in by a few per cent so that pieces do not start inside each other.
+    pub fn hull_points(&self, vertices: &[VertexId]) -> Vec<DVec3> {
+        const SHRUNK: f64 = 0.97;
+        let live = vertices.iter().filter(|v| self.mesh.vertex_is_live(**v));
+        let mut points: Vec<DVec3> = live.map(|v| self.position(*v)).collect();
         let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         points.iter_mut().for_each(|p| *p = middle + SHRUNK * (*p - middle));
         points
