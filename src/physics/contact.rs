@@ -179,7 +179,9 @@ impl Contacts {
     fn catch(&mut self, world: &mut RigidWorld, own: Option<BodyId>, radius: f64, grabbed: &impl Fn(ParticleId) -> bool) {
         let mut bodies = std::mem::take(&mut self.bodies);
         bodies.clear();
-        bodies.extend(world.touching().map(|(id, _)| id).filter(|id| Some(*id) != own));
+        // Loose pieces meet as rigid bodies.
+        let touches = |body: &Body| own.is_none() || !body.is_loose();
+        bodies.extend(world.touching().filter(|(id, body)| Some(*id) != own && touches(body)).map(|(id, _)| id));
         for &id in &bodies {
             if let Some(body) = world.body(id) {
                 self.catch_by(body, id, radius, grabbed);

@@ -28,8 +28,8 @@ const FASTEST: f64 = 100.0;
 /// How fast a piece follows the hand that holds it, Hz.
 const CARRYING: f64 = 8.0;
 /// Width and depth of the table, in lengths of the world.
-const TABLE_WIDTH: f64 = 200.0;
-const TABLE_DEPTH: f64 = 20.0;
+const TABLE_WIDTH: f64 = 60.0;
+const TABLE_DEPTH: f64 = 5.0;
 /// What stands are among rapier's groups.
 const STANDS: Group = Group::GROUP_2;
 
@@ -116,15 +116,18 @@ impl RigidWorld {
         self.add_loose(SharedShape::ball(radius as f32), Solid::Simple(shape), mass, pose)
     }
 
-    /// Adds a body that falls, the convex hull of `points` (its own frame, metres): `mass` in kg. `None` if there is no such
-    /// hull or the mass makes no sense.
+    /// Adds a piece of tissue that falls, the convex hull of `points` (its own frame, metres): `mass` in kg. It lies on stands and on
+    /// other pieces, and no soft layer feels it: both at once would push it twice. `None` if there is no such hull or the mass makes
+    /// no sense.
     pub fn add_hull(&mut self, points: &[DVec3], mass: f64, pose: RigidPose) -> Option<BodyId> {
         let pose = pose.checked()?;
         let shape = hull(points)?;
         let (points, faces) = shape.as_convex_polyhedron()?.to_trimesh();
         let points: Vec<DVec3> = points.iter().map(|p| p.as_dvec3()).collect();
         let solid = Solid::convex(&points, &faces)?;
-        self.add_loose(shape, solid, mass, pose)
+        let id = self.add_loose(shape, solid, mass, pose)?;
+        self.body_mut(id)?.soft = false;
+        Some(id)
     }
 
     fn add_loose(&mut self, shape: SharedShape, solid: Solid, mass: f64, pose: RigidPose) -> Option<BodyId> {
@@ -151,11 +154,14 @@ impl RigidWorld {
         Some(self.insert(Body { soft: false, ..Body::new(Some(handle), solid, pose, 0.0) }))
     }
 
-    /// Gives a stand another shape, for loose bodies to be moved by; nothing happens if there is no such hull.
-    pub fn reshape_stand(&mut self, id: BodyId, points: &[DVec3]) {
-        let handle = self.bodies.get(&id).filter(|b| !b.soft).and_then(|b| b.handle);
+    /// Gives a hull another shape, which wakes what lies on it; nothing happens if there is no such hull. What soft layers feel stays.
+    pub fn reshape(&mut self, id: BodyId, points: &[DVec3]) {
+        let handle = self.bodies.get(&id).and_then(|b| b.handle);
         if let (Some(collider), Some(shape)) = (self.collider(handle), hull(points)) {
             self.world.colliders[collider].set_shape(shape);
+        }
+        if let Some(handle) = handle {
+            self.world.wake_up(handle, true);
         }
     }
 
@@ -170,8 +176,11 @@ impl RigidWorld {
         contact.map_or(0.0, |c| f64::from(-c.dist).max(0.0))
     }
 
-    /// Lets a loose body pass through all stands.
+    /// Lets a loose body pass through all stands: soft layers bear it from now on.
     pub fn pass_stands(&mut self, id: BodyId) {
+        if let Some(body) = self.body_mut(id) {
+            body.soft = true;
+        }
         if let Some(collider) = self.collider(self.bodies.get(&id).and_then(|b| b.handle)) {
             let groups = InteractionGroups::new(Group::GROUP_1, Group::ALL & !STANDS, InteractionTestMode::And);
             self.world.colliders[collider].set_collision_groups(groups);
@@ -342,6 +351,7 @@ impl RigidWorld {
             }
             self.world.step();
         }
+        let table = self.table.and_then(|id| self.bodies.get(&id)).map(|b| b.now.translation.dot(self.up));
         for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
             let Some(rigid) = body.handle.and_then(|handle| self.world.bodies.get_mut(handle)) else { continue };
             rigid.reset_forces(false);
@@ -350,6 +360,14 @@ impl RigidWorld {
                 Some(pose) => body.now = pose,
                 // Rapier has quarantined it, or should have: it stays at the last good place.
                 None => rigid.set_enabled(false),
+            }
+            // A crumb that is smaller than its fall in a step may pass the table.
+            let (middle, radius) = body.solid.ball();
+            let under = table.map_or(0.0, |table| table - body.now.point(middle).dot(self.up));
+            if under > radius {
+                body.now.translation += (under + 0.5 * radius) * self.up;
+                rigid.set_position(to_rapier(&body.now), false);
+                rigid.set_linvel(Vec3::ZERO, false);
             }
             if rigid.linvel().length() > (FASTEST * self.length) as f32 {
                 rigid.set_linvel(rigid.linvel().clamp_length_max((FASTEST * self.length) as f32), false);
@@ -529,7 +547,7 @@ mod tests {
         world.remove(a);
         world.remove(a);
         world.step(0.1);
-        assert!(!world.is_empty());
+        assert!(world.is_empty() && world.pose(b).is_some(), "soft layers feel no hulls");
     }
 
     #[test]

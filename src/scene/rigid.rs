@@ -53,14 +53,40 @@ struct Collider {
     target: RigidPose,
 }
 
-/// What lies under the soft layer of a tissue that stays while pieces of it fall.
-struct Stand {
-    tissue: TissueId,
+/// The hull of a tissue as a rigid body: a loose one's, or that of one that stays and that loose ones lie on, a stand.
+struct Hull {
     body: BodyId,
-    /// Of its hull.
     vertices: Vec<VertexId>,
-    /// The pose that the hull is of.
-    pose: u64,
+    /// Where they were when the body got its shape, and in which pose and under which displacements.
+    points: Vec<DVec3>,
+    seen: [u64; 2],
+}
+
+fn seen(tissue: &Tissue) -> [u64; 2] {
+    [tissue.versions().pose, tissue.versions().displacements]
+}
+
+impl Hull {
+    /// None for a tissue without extent, or whatever `add` refuses.
+    fn new(tissue: &Tissue, add: impl FnOnce(&[DVec3]) -> Option<BodyId>) -> Option<Self> {
+        let vertices = tissue.hull_vertices(HULL_POINTS);
+        let points = tissue.hull_points(&vertices);
+        Some(Self { body: add(&points)?, vertices, points, seen: seen(tissue) })
+    }
+
+    /// Follows the animation and the soft layer, a little at a time.
+    fn follow(&mut self, tissue: &Tissue, world: &mut RigidWorld) {
+        if self.seen == seen(tissue) {
+            return;
+        }
+        self.seen = seen(tissue);
+        let points = tissue.hull_points(&self.vertices);
+        let moved = |(a, b): (&DVec3, &DVec3)| a.distance(*b) > FOLLOWS * tissue.diagonal();
+        if points.len() != self.points.len() || points.iter().zip(&self.points).any(moved) {
+            world.reshape(self.body, &points);
+            self.points = points;
+        }
+    }
 }
 
 /// Bodies of instruments and of loose pieces.
@@ -68,9 +94,9 @@ pub(super) struct Rigid {
     world: RigidWorld,
     colliders: BTreeMap<u32, Collider>,
     /// Loose tissues and their bodies, whose origin is the tissue's.
-    loose: BTreeMap<TissueId, BodyId>,
+    loose: BTreeMap<TissueId, Hull>,
     /// Of the others, while there are loose ones.
-    stands: Vec<Stand>,
+    stands: BTreeMap<TissueId, Hull>,
     /// For each piece that came off: what it came off, and whether that was loose already.
     parents: BTreeMap<TissueId, (TissueId, bool)>,
     settings: PieceSettings,
@@ -86,6 +112,8 @@ const MOST_PARTS: usize = 40;
 const HULL_POINTS: usize = 64;
 /// A piece that reaches deeper than this into what it came off, in diagonals of the model, passes through it.
 const MOST_OVERLAP: f64 = 0.02;
+/// A hull takes another shape once a corner has moved by this, in diagonals of the tissue.
+const FOLLOWS: f64 = 0.01;
 /// The table lies this far under the model, in half diagonals: where the tray is drawn.
 const TABLE_GAP: f64 = 0.015;
 
@@ -97,7 +125,7 @@ impl Rigid {
             world: RigidWorld::new(DVec3::Y, tissue.diagonal()),
             colliders: BTreeMap::new(),
             loose: BTreeMap::new(),
-            stands: Vec::new(),
+            stands: BTreeMap::new(),
             parents: BTreeMap::new(),
             settings: PieceSettings::default(),
             ground,
@@ -112,51 +140,46 @@ impl Rigid {
 
     /// The body of a loose tissue.
     pub(super) fn body_of(&self, id: TissueId) -> Option<BodyId> {
-        self.loose.get(&id).copied()
+        self.loose.get(&id).map(|hull| hull.body)
     }
 
     fn drop_body(&mut self, id: TissueId) {
-        if let Some(body) = self.loose.remove(&id) {
-            self.world.remove(body);
+        if let Some(hull) = self.loose.remove(&id) {
+            self.world.remove(hull.body);
         }
     }
 
     /// Gives a tissue a body where it stands, moving as it did. One without extent stays where it is.
     fn loosen(&mut self, id: TissueId, tissue: &Tissue) {
-        let velocity = self.loose.get(&id).map_or(DVec3::ZERO, |body| self.world.velocity(*body));
+        let velocity = self.loose.get(&id).map_or(DVec3::ZERO, |hull| self.world.velocity(hull.body));
         self.drop_body(id);
         let mass = tissue.mass_guess() * self.settings.density / crate::tissue::touch::DENSITY;
-        if let Some(body) = self.world.add_hull(&tissue.hull_points(&tissue.hull_vertices(HULL_POINTS)), mass, tissue.frame()) {
-            self.world.set_velocity(body, velocity);
-            self.loose.insert(id, body);
+        let hull = Hull::new(tissue, |points| self.world.add_hull(points, mass, tissue.frame()));
+        if let Some(hull) = hull {
+            self.world.set_velocity(hull.body, velocity);
+            self.loose.insert(id, hull);
         }
     }
 
     /// Makes what loose pieces may lie on: what stays of the model. Nothing while none is loose.
     fn stand(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
-        for stand in self.stands.drain(..) {
-            self.world.remove(stand.body);
+        for hull in std::mem::take(&mut self.stands).into_values() {
+            self.world.remove(hull.body);
         }
         if self.loose.is_empty() {
             return;
         }
         for (&id, tissue) in tissues.iter().filter(|(id, _)| !self.loose.contains_key(id)) {
-            let vertices = tissue.hull_vertices(HULL_POINTS);
-            if let Some(body) = self.world.add_stand(&tissue.hull_points(&vertices), tissue.frame()) {
-                self.stands.push(Stand { tissue: id, body, vertices, pose: tissue.versions().pose });
-            }
+            let hull = Hull::new(tissue, |points| self.world.add_stand(points, tissue.frame()));
+            self.stands.extend(hull.map(|hull| (id, hull)));
         }
     }
 
-    /// Stands follow the animation while something falls.
-    fn pose_stands(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
-        if self.stands.is_empty() || self.world.is_resting() {
-            return;
-        }
-        for stand in &mut self.stands {
-            if let Some(tissue) = tissues.get(&stand.tissue).filter(|t| t.versions().pose != stand.pose) {
-                stand.pose = tissue.versions().pose;
-                self.world.reshape_stand(stand.body, &tissue.hull_points(&stand.vertices));
+    /// Hulls follow what is seen.
+    fn pose_hulls(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
+        for (id, hull) in self.loose.iter_mut().chain(&mut self.stands) {
+            if let Some(tissue) = tissues.get(id) {
+                hull.follow(tissue, &mut self.world);
             }
         }
     }
@@ -225,7 +248,7 @@ impl Scene {
     pub fn step(&mut self, step_s: f64) {
         let h = if step_s > 0.0 { step_s.min(crate::physics::MAX_STEP) } else { 0.0 };
         let parts = self.rigid.parts(h);
-        self.rigid.pose_stands(&self.tissues);
+        self.rigid.pose_hulls(&self.tissues);
         for part in 0..parts {
             self.step_part(h / parts as f64, parts - part);
         }
@@ -249,19 +272,19 @@ impl Scene {
             world.drive(collider.body, way);
         }
         world.step(h);
-        for (id, body) in loose.iter() {
-            if let (Some(tissue), Some(pose)) = (self.tissues.get_mut(id), world.pose(*body)) {
+        for (id, hull) in loose.iter() {
+            if let (Some(tissue), Some(pose)) = (self.tissues.get_mut(id), world.pose(hull.body)) {
                 tissue.set_frame(pose);
             }
         }
         self.move_grabs();
         let Rigid { world, loose, .. } = &mut self.rigid;
         for (id, tissue) in &mut self.tissues {
-            tissue.touch(world, loose.get(id).copied(), h);
+            tissue.touch(world, loose.get(id).map(|hull| hull.body), h);
             tissue.step(h);
         }
         for (id, tissue) in &self.tissues {
-            tissue.react(world, loose.get(id).copied());
+            tissue.react(world, loose.get(id).map(|hull| hull.body));
         }
     }
 
@@ -291,9 +314,9 @@ impl Scene {
         let Rigid { world, loose, stands, ground, .. } = &mut self.rigid;
         // A flap cut out of a hollow: no plane parts it from the rest, and their hulls would throw it out.
         let most = MOST_OVERLAP * (ground.1 - ground.0).length();
-        for body in all.iter().filter_map(|id| loose.get(id)) {
-            if stands.iter().any(|s| world.overlap(s.body, *body) > most) {
-                world.pass_stands(*body);
+        for body in all.iter().filter_map(|id| loose.get(id)).map(|hull| hull.body) {
+            if stands.values().any(|s| world.overlap(s.body, body) > most) {
+                world.pass_stands(body);
             }
         }
     }
