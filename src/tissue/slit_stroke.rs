@@ -5,7 +5,7 @@
 //! and the next strip starts at exactly those vertices. Where the tissue has moved in between they no longer lie on the
 //! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two.
 
-use super::{SegmentReport, TearStroke, nearest_vertex};
+use super::{ENDS_KEPT, SegmentReport, TearStroke, nearest_vertex};
 use crate::diagnostics::Stages;
 use crate::geometry::{FaceId, VertexId};
 use crate::particles::{LipVertex, MapUpdateReport};
@@ -19,8 +19,6 @@ use glam::DVec3;
 const SAME_LINE: f64 = 1e-9;
 /// A vertex this near to a strip is cut through, as a fraction of the diagonal: a few steps of the grid of the blades.
 const ON_PLANE: f64 = 1e-11;
-/// Strips that the next may go on from: two ends of a pivot's parts, and what came before them.
-const ENDS_KEPT: usize = 4;
 
 /// Where a strip ended.
 struct Ended {
