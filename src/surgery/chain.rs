@@ -181,19 +181,14 @@ impl ChainBuilder {
     fn accept(&mut self, next: Blade, out: &mut Vec<TearSegment>) {
         let Some(last) = self.last.replace(next) else { return };
         let Self { maker, lanes, .. } = self;
-        let shares = parts(&last, &next, maker.grid);
-        let on = |blade: &Blade, [low, high]: [f64; 2]| Part {
-            low: low * blade.length(),
-            high: if high < 1.0 { high * blade.length() } else { f64::INFINITY },
-        };
+        let wanted = parts(&last, &next, maker.grid);
         let reach = MOST_DRIFT * last.length();
-        let goes_on = |lane: &Lane, share: [f64; 2]| lane.part.is_near(on(&last, share), last.length(), reach);
-        let ended = lanes.extract_if(.., |lane| !shares.iter().any(|s| goes_on(lane, *s)));
+        let goes_on = |lane: &Lane, on: &[Part; 2]| lane.part.is_near(on[0], last.length(), reach);
+        let ended = lanes.extract_if(.., |lane| !wanted.iter().any(|on| goes_on(lane, on)));
         ended.for_each(|lane| lane.close(&last, maker, out));
         let mut before = std::mem::take(lanes);
-        for share in shares {
-            let on = [on(&last, share), on(&next, share)];
-            match before.iter().position(|lane| goes_on(lane, share)) {
+        for on in wanted {
+            match before.iter().position(|lane| goes_on(lane, &on)) {
                 Some(i) => {
                     let mut lane = before.swap_remove(i);
                     lane.step(&last, &next, on, maker, out);
@@ -205,17 +200,31 @@ impl ChainBuilder {
     }
 }
 
-/// What of the blade, as shares of it from tip (0) to top (1), goes its way from `first` to `next` without turning back: all of it, or
-/// where tip and top move in opposite directions what is below the pivot and what is above.
-fn parts(first: &Blade, next: &Blade, grid: Grid) -> Vec<[f64; 2]> {
-    let Some(pivot) = pivot_share(first, next, grid) else { return vec![[0.0, 1.0]] };
-    let both = [[0.0, pivot - PIVOT_GAP], [pivot + PIVOT_GAP, 1.0]];
-    both.into_iter().filter(|[low, high]| high - low >= LEAST_PART).collect()
+/// What goes its way from `first` to `next` without turning back, as parts of either: the whole blade, or where tip and top move in
+/// opposite directions what is below the pivot and what is above.
+fn parts(first: &Blade, next: &Blade, grid: Grid) -> Vec<[Part; 2]> {
+    let pivots =
+        turned_share(first, next, first.up(), grid).filter(|p| p.is_pivot).zip(turned_share(first, next, next.up(), grid));
+    let Some((on_next, on_first)) = pivots else { return vec![[Part::WHOLE; 2]] };
+    let on = [(first, on_first.share), (next, on_next.share)];
+    let below = on.map(|(blade, share)| Part { low: 0.0, high: (share - PIVOT_GAP) * blade.length() });
+    let above = on.map(|(blade, share)| Part { low: (share + PIVOT_GAP) * blade.length(), high: f64::INFINITY });
+    let is_long = |part: &[Part; 2]| {
+        part.iter().zip(on).all(|(p, (blade, _))| p.high.min(blade.length()) - p.low >= LEAST_PART * blade.length())
+    };
+    [below, above].into_iter().filter(is_long).collect()
 }
 
-/// Where along the blade, tip (0) to top (1), it stands still while one end goes forward and the other does not.
-fn pivot_share(first: &Blade, next: &Blade, grid: Grid) -> Option<f64> {
-    let up = first.up();
+/// Where the way between two blades, seen across one of them, has no part in the direction of the end that goes farther.
+struct Turned {
+    /// Along the other blade, from tip (0) to top (1).
+    share: f64,
+    /// It lies on the blade, or so near to its end that this goes nowhere.
+    is_pivot: bool,
+}
+
+/// Where `next` crosses the line of `first`, if `up` is that of `first`; or where `first` crosses that of `next`.
+fn turned_share(first: &Blade, next: &Blade, up: DVec3, grid: Grid) -> Option<Turned> {
     let (tip, top) = (reject(next.tip - first.tip, up), reject(next.top - first.top, up));
     let main = if tip.length_squared() >= top.length_squared() { tip } else { top };
     let scale = main.length_squared();
@@ -223,5 +232,5 @@ fn pivot_share(first: &Blade, next: &Blade, grid: Grid) -> Option<f64> {
         return None;
     }
     let (a, b) = (tip.dot(main) / scale, top.dot(main) / scale);
-    (a.min(b) <= PIVOT_SHARE).then(|| (a / (a - b)).clamp(0.0, 1.0))
+    Some(Turned { share: (a / (a - b)).clamp(0.0, 1.0), is_pivot: a.min(b) <= PIVOT_SHARE })
 }

@@ -14,6 +14,9 @@ const SHARPEST_TURN_COSINE: f64 = -0.5;
 /// After so many dropped samples in a row the stretch is given up and the chain starts anew.
 const MOST_DROPPED: u32 = 8;
 
+/// How much shorter, as a share of it, the part of a blade beside a pivot is tried where its box is not valid.
+const SHORTER: [f64; 2] = [1e-2, 1e-1];
+
 /// A clipped blade that waits for its joint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Blade {
@@ -123,6 +126,12 @@ impl Part {
         (self.low - other.low).abs() <= reach && (self.high.min(length) - other.high.min(length)).abs() <= reach
     }
 
+    /// Of a blade that is this stretch, and so many metres long, what is left without a share at the ends that are not tip or top.
+    fn ends_in(self, length: f64, share: f64) -> Self {
+        let low = if self.low > 0.0 { share * length } else { 0.0 };
+        Self { low, high: if self.high.is_finite() { (1.0 - share) * length } else { f64::INFINITY } }
+    }
+
     /// The same stretch after the tip has gone down by `deeper` metres.
     pub(super) fn lowered(self, deeper: f64) -> Self {
         Self { low: if self.low > 0.0 { (self.low + deeper).max(0.0) } else { 0.0 }, high: self.high + deeper }
@@ -184,17 +193,24 @@ impl Lane {
     /// The next sample has arrived, so that the one before can have its joint and the box that ends there can be built. `on` is
     /// the lane's part of the blade on its way from `last` to `next`.
     pub(super) fn step(&mut self, last: &Blade, next: &Blade, on: [Part; 2], maker: &mut Maker, out: &mut Vec<TearSegment>) {
-        let end = maker.part(last, self.part.meet(on[0]));
-        let begin = if self.part == on[0] { end } else { maker.part(last, on[0]) };
+        let part = self.part.meet(on[0]);
+        let end = maker.part(last, part);
+        let begin = if part == on[0] { end } else { maker.part(last, on[0]) };
         let outgoing = direction(&begin, &maker.part(next, on[1]), &end);
-        self.part = on[1];
         let incoming = direction(&self.start.blade(), &end, &end);
         if incoming.dot(outgoing) < SHARPEST_TURN_COSINE {
-            self.close_at(&end, maker, out);
+            self.close_at(&end, part, maker, out);
             self.begin(begin);
-        } else {
+        } else if part == Part::WHOLE {
             self.go_on(&end, begin, incoming, outgoing, maker, out);
+        } else if let Some(joint) = self.build(self.start, &end, incoming, outgoing, maker, out) {
+            (self.start, self.dropped) = (Start::Joint(joint), 0);
+        } else {
+            // beside a pivot a dropped sample would leave much uncut
+            self.close_at(&end, part, maker, out);
+            self.begin(begin);
         }
+        self.part = on[1];
     }
 
     fn begin(&mut self, first: Blade) {
@@ -215,7 +231,7 @@ impl Lane {
             (self.start, self.dropped) = (Start::Joint(joint), 0);
         } else if self.dropped == 0 {
             self.dropped = 1;
-        } else if self.build(self.start, end, incoming, incoming, maker, out).is_some() {
+        } else if self.build_straight(self.start, end, maker, out) {
             // A sample was dropped and the box was still invalid: end the chain and start a new one.
             self.begin(begin);
         } else if let Start::Joint(_) = self.start {
@@ -233,18 +249,29 @@ impl Lane {
     /// Ends the chain at the newest sample, perpendicular to the travel.
     pub(super) fn close(mut self, last: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) {
         let end = maker.part(last, self.part);
-        self.close_at(&end, maker, out);
+        self.close_at(&end, self.part, maker, out);
     }
 
-    fn close_at(&mut self, end: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) {
-        let incoming = direction(&self.start.blade(), end, end);
-        if self.build(self.start, end, incoming, incoming, maker, out).is_none() {
-            self.kept.clear();
-            let fresh = Start::Fresh(self.start.blade());
-            let built = matches!(self.start, Start::Joint(_))
-                && self.build(fresh, end, incoming, incoming, maker, out).is_some();
-            maker.skipped += u32::from(!built);
+    fn close_at(&mut self, end: &Blade, part: Part, maker: &mut Maker, out: &mut Vec<TearSegment>) {
+        if self.build_straight(self.start, end, maker, out) {
+            return;
         }
+        self.kept.clear();
+        let start = self.start.blade();
+        let mut is_built = matches!(self.start, Start::Joint(_)) && self.build_straight(Start::Fresh(start), end, maker, out);
+        for by in SHORTER {
+            if !is_built && part != Part::WHOLE {
+                let [start, end] = [&start, end].map(|blade| maker.part(blade, part.ends_in(blade.length(), by)));
+                is_built = self.build_straight(Start::Fresh(start), &end, maker, out);
+            }
+        }
+        maker.skipped += u32::from(!is_built);
+    }
+
+    /// A box that ends perpendicular to its travel, if it is valid.
+    fn build_straight(&mut self, start: Start, end: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) -> bool {
+        let incoming = direction(&start.blade(), end, end);
+        self.build(start, end, incoming, incoming, maker, out).is_some()
     }
 
     /// The box from `start` to a joint at `end`, mitred between the two unit directions (MATHS 5.2), if it is valid.
@@ -301,7 +328,8 @@ impl Maker {
             return *blade;
         }
         let (up, length) = (blade.up(), blade.length());
-        let at = |along: f64, end: DVec3| if (1e-12..length).contains(&along) { self.grid.snap(blade.tip + up * along) } else { end };
+        let at =
+            |along: f64, end: DVec3| if (1e-12..length).contains(&along) { self.grid.snap(blade.tip + up * along) } else { end };
         let (tip, top) = (at(part.low, blade.tip), at(part.high, blade.top));
         self.next_serial += 1;
         Blade { serial: self.next_serial - 1, tip, top, quad: [tip, tip, top, top], ..*blade }
