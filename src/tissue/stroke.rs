@@ -314,8 +314,11 @@ impl TearStroke {
     fn keep_end(&mut self, tissue: &Tissue, tear_box: &TearBox, planes: &BoxPlanes, at_rest: [DVec3; 2]) {
         let step = &self.step;
         // the box may have cut what those of the other chain have left; a face's slot may be in use again
-        let mut made: Vec<FaceId> = step.added_faces.iter().copied().chain(step.walls.iter().map(|w| w.0)).collect();
-        made.sort_unstable();
+        let mut made: Vec<FaceId> = Vec::new();
+        if !self.ended.is_empty() {
+            made.extend(step.added_faces.iter().copied().chain(step.walls.iter().map(|w| w.0)));
+            made.sort_unstable();
+        }
         let stands = |f: &FaceId| tissue.mesh.is_live(*f) && made.binary_search(f).is_err();
         self.ended.drain(..self.ended.len().saturating_sub(ENDS_KEPT - 1));
         for other in &mut self.ended {
