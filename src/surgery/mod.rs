@@ -7,6 +7,7 @@ pub mod cap;
 pub mod chain;
 pub mod clip;
 pub mod insert;
+mod lane;
 pub mod leaf;
 pub mod path_sampler;
 pub mod plane_cut;

@@ -169,30 +169,129 @@ fn leaving_and_coming_back_makes_two_chains_that_cover_the_rims() {
     }
 }
 
-#[test]
-fn a_pivot_makes_two_chains_that_meet_near_it() {
-    let at = |angle: f64| {
-        let (s, c) = angle.sin_cos();
-        BladePose { t: angle, tip: DVec3::new(-0.1 * s, -0.1 - 0.1 * c, 0.0), base: DVec3::new(0.1 * s, -0.1 + 0.1 * c, 0.0) }
+/// A blade of 0.2 that turns in the plane z = 0, by `angle` from upright, about the point a share `pivot` up from its tip; that
+/// point is at `(x, -0.1)`, deep enough for all of the blade.
+fn turned(t: f64, angle: f64, pivot: f64, x: f64) -> BladePose {
+    let up = 0.2 * DVec3::new(angle.sin(), angle.cos(), 0.0);
+    let tip = DVec3::new(x, -0.3, 0.0) - up * pivot;
+    BladePose { t, tip, base: tip + up }
+}
+
+/// Boxes of a path inside, with how much of the sampled blades lies in none: the longest stretch of one, as a share of it.
+fn covered(poses: &[BladePose]) -> (Vec<TearBox>, f64) {
+    let b = boxes(poses, 0.002);
+    let (mut sampler, mut samples) = (PathSampler::new(sampling()), Vec::new());
+    poses.iter().for_each(|p| sampler.push(*p, &mut samples));
+    let inside = |p: DVec3| b.iter().any(|b| b.planes.iter().all(|h| h.normal().dot(p - h.points[0]) < 1e-9));
+    let bare = |sample: &PathSample| {
+        let misses = |k: &u32| !inside(sample.pose.tip.lerp(sample.pose.base, f64::from(*k) / 1000.0));
+        (0..=1000).filter(misses).count() as f64 / 1000.0
     };
-    let poses: Vec<_> = (0..=10).map(|i| at(f64::from(i) * 0.03)).collect();
-    let b = boxes(&poses, 0.002);
+    let worst = samples.iter().map(bare).fold(0.0, f64::max);
+    (b, worst)
+}
+
+#[test]
+fn a_pivot_makes_two_chains_side_by_side_that_nearly_meet() {
+    for pivot in [0.5, 0.3, 0.9] {
+        let (b, bare) = covered(&(0..=10).map(|i| turned(f64::from(i), f64::from(i) * 0.1, pivot, 0.0)).collect::<Vec<_>>());
+        assert_eq!((chains(&b), broken_chains(&b)), (2, None), "{pivot}");
+        let [below, above] = [0, 1].map(|chain| b.iter().filter(|b| b.chain == chain).collect::<Vec<_>>());
+        assert!(below.len() == above.len() && below.len() >= 10, "{pivot}: {} and {}", below.len(), above.len());
+        assert!(below.iter().all(|b| above.iter().all(|a| a.is_apart_from(b))));
+        assert!((1e-3..6e-3).contains(&bare), "{pivot}: the bridge at the pivot is small: {bare}");
+    }
+}
+
+#[test]
+fn a_lever_is_one_chain() {
+    for pivot in [0.0, 1.0, 0.005] {
+        let (b, bare) = covered(&(0..=10).map(|i| turned(f64::from(i), f64::from(i) * 0.1, pivot, 0.0)).collect::<Vec<_>>());
+        assert_eq!((chains(&b), broken_chains(&b)), (1, None), "{pivot}");
+        assert!(b.len() >= 10 && bare < 1e-2, "{pivot}: {} boxes, {bare}", b.len());
+    }
+    // the point is now a little above the tip, now a little below it
+    let wavering = |i: i32| turned(f64::from(i), f64::from(i) * 0.1, if i % 2 == 0 { 0.004 } else { -0.004 }, 0.0);
+    let (b, bare) = covered(&(0..=10).map(wavering).collect::<Vec<_>>());
     assert_eq!(broken_chains(&b), None);
-    assert_eq!(chains(&b), b.len(), "each part is a chain of its own");
-    let (below, above): (Vec<_>, Vec<_>) = b.iter().partition(|b| b.blades[0][1].y < -0.08);
-    assert_eq!(below.len(), above.len());
-    assert!(below.len() >= 3);
-    let gap = above.iter().map(|b| b.blades[1][0].y).fold(f64::MIN, f64::max)
-        - below.iter().map(|b| b.blades[1][1].y).fold(f64::MAX, f64::min);
-    assert!(gap < 0.02 * 0.2, "the bridge at the pivot is small: {gap}");
-    // Lever: the tip stands, the base swings.
-    let lever = [
-        BladePose { t: 0.0, tip: DVec3::new(0.0, -0.2, 0.0), base: DVec3::new(0.0, 0.1, 0.0) },
-        BladePose { t: 0.2, tip: DVec3::new(0.0, -0.2, 0.0), base: DVec3::new(0.1, 0.08, 0.0) },
-    ];
-    let b = boxes(&lever, 0.002);
+    assert!(chains(&b) <= 10 && b.len() >= 80 && bare < 2e-2, "{} chains of {}, {bare}", chains(&b), b.len());
+}
+
+#[test]
+fn lanes_begin_and_end_with_the_pivot() {
+    // straight, a turn about the middle, straight
+    let path = |i: i32| match i {
+        0..10 => turned(f64::from(i), 0.0, 0.5, f64::from(i - 10) * 0.01),
+        10..20 => turned(f64::from(i), f64::from(i - 10) * 0.1, 0.5, 0.0),
+        _ => turned(f64::from(i), 0.9, 0.5, f64::from(i - 19) * 0.02),
+    };
+    let (b, bare) = covered(&(0..30).map(path).collect::<Vec<_>>());
     assert_eq!(broken_chains(&b), None);
-    assert!(b.len() > 5);
+    // one before, two or, where the turn goes over into the way on, four, one after
+    assert!((4..=6).contains(&chains(&b)) && bare < 6e-3, "{} chains, {bare}", chains(&b));
+    let whole = |b: &TearBox| (b.blades[0][1] - b.blades[0][0]).length() > 0.19;
+    assert!(whole(&b[0]) && whole(&b[b.len() - 1]) && !whole(&b[b.len() / 2]));
+    // there and back: each lane ends where it turns back, and begins anew
+    let forth_and_back = |i: i32| turned(f64::from(i), 0.8 - 0.1 * f64::from((i - 8).abs()), 0.4, 0.0);
+    let (b, bare) = covered(&(0..=16).map(forth_and_back).collect::<Vec<_>>());
+    assert_eq!((chains(&b), broken_chains(&b)), (4, None));
+    assert!(bare < 6e-3, "{bare}");
+}
+
+#[test]
+fn a_pivot_that_wanders_leaves_little_uncut() {
+    for step in [0.01, 0.1] {
+        let wander = |i: i32| {
+            let share = 0.3 + step * f64::from(if i % 8 < 4 { i % 4 } else { 4 - i % 4 });
+            turned(f64::from(i), f64::from(i) * 0.1, share, 0.0)
+        };
+        let (b, bare) = covered(&(0..=16).map(wander).collect::<Vec<_>>());
+        assert_eq!(broken_chains(&b), None);
+        assert!(6 * chains(&b) < b.len(), "{step}: {} chains of {} boxes", chains(&b), b.len());
+        assert!(bare < 5e-2, "{step}: {bare}");
+    }
+}
+
+#[test]
+fn two_joints_are_open_at_a_pivot_and_their_quads_have_names_of_their_own() {
+    let (mut stroke, mut out) = (Stroke::new(0.002, sampling()), Vec::new());
+    for i in 0..=10 {
+        for (_, quad) in stroke.builder().pending_quads_mut() {
+            quad.iter_mut().for_each(|corner| corner.z += 1e-4);
+        }
+        stroke.push(turned(f64::from(i), f64::from(i) * 0.1, 0.5, 0.0), &half_space, &mut out);
+        let mut serials: Vec<u32> = stroke.builder().pending_quads_mut().map(|q| q.0).collect();
+        serials.sort_unstable();
+        serials.dedup();
+        assert_eq!(serials.len(), stroke.builder().pending_quads_mut().count());
+        if i > 2 {
+            let last = |chain: u32| out.iter().rev().find_map(|s| s.as_box().filter(|b| b.chain == chain)).unwrap().joints[1];
+            let chains: Vec<u32> = stroke.builder().open_chains().collect();
+            assert_eq!(chains.len(), 2);
+            assert!(stroke.builder().open_joints().eq(chains.into_iter().map(last)));
+        }
+    }
+    stroke.release(&half_space, &mut out);
+    let b: Vec<_> = out.iter().filter_map(|s| s.as_box().cloned()).collect();
+    assert!(b.iter().all(|b| broken_box(b).is_none()) && b.len() > 100);
+    assert_eq!(stroke.builder().open_joints().count(), 0);
+}
+
+#[test]
+fn a_blade_that_goes_deeper_while_it_turns_keeps_its_pivot() {
+    let deeper = |i: i32| {
+        let pose = turned(f64::from(i / 2), f64::from(i / 2) * 0.1, 0.5, 0.0);
+        // every other pose only slides down, a little farther each time
+        BladePose { tip: pose.tip - pose.up() * (0.005 * f64::from((i + 1) / 2)), ..pose }
+    };
+    let b = boxes(&(0..=20).map(deeper).collect::<Vec<_>>(), 0.002);
+    assert_eq!((chains(&b), broken_chains(&b)), (2, None));
+    let pivot = DVec3::new(0.0, -0.3, 0.0);
+    let gaps = b.iter().map(|b| b.blades[0].map(|p| p.distance(pivot))).map(|[tip, top]| tip.min(top));
+    let (least, most) = gaps.fold((f64::MAX, 0.0_f64), |(least, most), gap| (least.min(gap), most.max(gap)));
+    assert!(least > 1e-4 && most < 3e-3, "boxes stop {least} to {most} short of the pivot");
+    let deepest = b.iter().flat_map(|b| b.blades[1]).map(|p| p.distance(pivot)).fold(0.0, f64::max);
+    assert!(deepest > 0.14, "{deepest}");
 }
 
 #[test]
@@ -220,6 +319,20 @@ fn width_zero_gives_slits_that_share_their_blades() {
         let (TearSegment::Slit(x), TearSegment::Slit(y)) = (&w[0], &w[1]) else { unreachable!() };
         assert_eq!((x.joints[1], x.ends[1].points, x.ends[1].id), (y.joints[0], y.ends[0].points, y.ends[0].id));
         assert!(x.ends[1].sign(a[1]) == 0.0 && x.ends[1].sign(a[2]) == 0.0 && x.ends[1].sign(a[0]) < 0.0);
+    }
+}
+
+#[test]
+fn slits_of_a_pivot_go_on_side_by_side() {
+    let poses: Vec<_> = (0..=10).map(|i| turned(f64::from(i), f64::from(i) * 0.1, 0.5, 0.0)).collect();
+    let s = tear_segments(&poses, 0.0, sampling(), &half_space);
+    for chain in 0..2 {
+        let lane: Vec<_> = s.iter().filter(|s| s.place().0 == chain).collect();
+        assert!(2 * lane.len() == s.len() && lane.len() >= 10);
+        for w in lane.windows(2) {
+            let (a, b) = (w[0].strip_corners(), w[1].strip_corners());
+            assert_eq!((a[1], a[2]), (b[0], b[3]));
+        }
     }
 }
 
@@ -315,6 +428,20 @@ fn walk() -> impl Strategy<Value = Vec<BladePose>> {
     })
 }
 
+/// A blade that turns about points of its own, which wander along it and move a little.
+fn turn() -> impl Strategy<Value = Vec<BladePose>> {
+    let step = (-0.1f64..0.3, -0.1f64..0.1, -0.004f64..0.004, -0.02f64..0.02);
+    (proptest::collection::vec(step, 3..30), -0.1f64..1.1).prop_map(|(steps, pivot)| {
+        let (mut angle, mut pivot, mut x, mut lean) = (0.0, pivot, 0.0, 0.0);
+        let pose = |(i, &(turn, along, by, tilt)): (usize, &(f64, f64, f64, f64))| {
+            (angle, pivot, x, lean) = (angle + turn, pivot + 0.2 * along, x + by, lean + tilt);
+            let pose = turned(i as f64 * 0.05, angle, pivot, x);
+            BladePose { base: pose.base + DVec3::Z * (0.2 * lean), ..pose }
+        };
+        steps.iter().enumerate().map(pose).collect()
+    })
+}
+
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(CASES) })]
 
@@ -324,7 +451,12 @@ proptest! {
     }
 
     #[test]
-    fn live_and_offline_give_the_same_bits(poses in walk()) {
+    fn every_turn_gives_valid_chains(poses in turn(), log_width in -4.0f64..-1.5) {
+        prop_assert_eq!(broken_chains(&boxes(&poses, 10f64.powf(log_width))), None);
+    }
+
+    #[test]
+    fn live_and_offline_give_the_same_bits(poses in prop_oneof![walk(), turn()]) {
         let offline = tear_segments(&poses, 0.003, sampling(), &half_space);
         // The stages run apart: all samples first, then the boxes one sample at a time.
         let (mut sampler, mut samples) = (PathSampler::new(sampling()), Vec::new());

@@ -5,7 +5,7 @@
 //! and the next strip starts at exactly those vertices. Where the tissue has moved in between they no longer lie on the
 //! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two.
 
-use super::{SegmentReport, TearStroke, nearest_vertex};
+use super::{ENDS_KEPT, SegmentReport, TearStroke, nearest_vertex};
 use crate::diagnostics::Stages;
 use crate::geometry::{FaceId, VertexId};
 use crate::particles::{LipVertex, MapUpdateReport};
@@ -19,8 +19,6 @@ use glam::DVec3;
 const SAME_LINE: f64 = 1e-9;
 /// A vertex this near to a strip is cut through, as a fraction of the diagonal: a few steps of the grid of the blades.
 const ON_PLANE: f64 = 1e-11;
-/// Strips that the next may go on from: two ends of a pivot's parts, and what came before them.
-const ENDS_KEPT: usize = 4;
 
 /// Where a strip ended.
 struct Ended {
@@ -29,6 +27,8 @@ struct Ended {
     /// Tip and top of the blade, as seen and at rest.
     blade: [DVec3; 2],
     at_rest: [DVec3; 2],
+    /// Its number among the tissue's strips, if it met anything.
+    strip: Option<usize>,
     /// Ends of the slit on that line.
     vertices: Vec<VertexId>,
 }
@@ -51,8 +51,8 @@ impl SlitState {
         self.ended.clear();
     }
 
-    /// Ends of the slit that `slit` goes on from, and the rest-space edge of the strip that it follows.
-    fn starts(&self, slit: &Slit, diagonal: f64) -> (Vec<OnLines>, Option<[DVec3; 2]>) {
+    /// Ends of the slit that `slit` goes on from, and the strip that it follows.
+    fn starts(&self, slit: &Slit, diagonal: f64) -> (Vec<OnLines>, Option<&Ended>) {
         let blade = [slit.corners[0], slit.corners[3]];
         let follows = |e: &&Ended| (e.place.0, e.place.1 + 1) == (slit.chain, slit.index);
         let same = |e: &&Ended| blade.iter().all(|&p| distance_to_line(p, e.blade) <= SAME_LINE * diagonal);
@@ -61,16 +61,16 @@ impl SlitState {
             from.flat_map(|e| &e.vertices).map(|&vertex| OnLines { vertex, lines: line::START }).collect();
         tags.sort_unstable_by_key(|t| t.vertex);
         tags.dedup();
-        (tags, self.ended.iter().rev().find(follows).map(|e| e.at_rest))
+        (tags, self.ended.iter().rev().find(follows))
     }
 
-    fn end(&mut self, slit: &Slit, at_rest: [DVec3; 2]) {
+    fn end(&mut self, slit: &Slit, at_rest: [DVec3; 2], strip: Option<usize>) {
         if self.ended.len() == ENDS_KEPT {
             self.ended.remove(0);
         }
         let tags = self.step.tags.iter().filter(|t| t.lines & line::END != 0);
         let (place, blade) = ((slit.chain, slit.index), [slit.corners[1], slit.corners[2]]);
-        self.ended.push(Ended { place, blade, at_rest, vertices: tags.map(|t| t.vertex).collect() });
+        self.ended.push(Ended { place, blade, at_rest, strip, vertices: tags.map(|t| t.vertex).collect() });
         self.committed.push(slit.clone());
     }
 }
@@ -82,7 +82,8 @@ fn distance_to_line(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
 impl TearStroke {
     pub(super) fn tear_slit(&mut self, tissue: &mut Tissue, slit: &Slit) {
         let mut report = SegmentReport::default();
-        let (starts, joint) = self.slits.starts(slit, tissue.diagonal());
+        let (starts, before) = self.slits.starts(slit, tissue.diagonal());
+        let (joint, before) = (before.map(|e| e.at_rest), before.and_then(|e| e.strip));
         let leaves = Leaf::of_slit(slit, ON_PLANE * tissue.diagonal());
         let c = slit.corners;
         let margin = DVec3::splat(1e-9 * tissue.diagonal());
@@ -102,20 +103,22 @@ impl TearStroke {
         });
         let step = &self.slits.step;
         report.faces_visited = step.faces_visited;
+        let mut strip = None;
         if hit {
             let start = joint.unwrap_or(start);
             report.new_vertices = step.new_vertices.len();
             report.intersection_points = step.intersection_points;
             report.opened_edges = step.opened_edges;
             let corners = [start[0], end[0], end[1], start[1]];
-            let update = bind_slit(tissue, step, corners, self.slit, &mut report.stages);
+            let (update, made) = bind_slit(tissue, step, corners, self.slit, before, &mut report.stages);
+            strip = made;
             let made = self.slits.step.new_vertices.iter().map(|n| n.vertex);
             self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
             report.wound_particles = update.particles_added.len();
             let delta = report.stages.time("update_mesh", || tissue.take_delta());
             self.deltas.push(delta);
         }
-        self.slits.end(slit, end);
+        self.slits.end(slit, end, strip);
         self.reports.push(report);
     }
 
@@ -154,14 +157,16 @@ impl TearStroke {
     }
 }
 
-/// Rows, strip and particle map of what a slit has opened; `corners` are the strip's at rest, tip, next tip, next top, top.
+/// Rows, strip and particle map of what a slit has opened; `corners` are the strip's at rest, tip, next tip, next top, top;
+/// `before` is the strip that it goes on from, where that is not the last. Gives the new strip's number, too.
 pub(in crate::tissue) fn bind_slit(
     tissue: &mut Tissue,
     step: &SlitStep,
     corners: [DVec3; 4],
     slit: u32,
+    before: Option<usize>,
     stages: &mut Stages,
-) -> MapUpdateReport {
+) -> (MapUpdateReport, Option<usize>) {
     stages.time("bind", || tissue.add_vertices(&step.new_vertices));
     let strip = stages.time("disconnect_particles", || {
         let layer = tissue.layer.as_mut()?;
@@ -172,12 +177,13 @@ pub(in crate::tissue) fn bind_slit(
         .map_or_else(Vec::new, |strip| step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }).collect());
     let update = stages.time("update_particles", || {
         // vertices at the joint have sides only now: links that reach them are tested against the strip before, too
-        let first = |s: usize| if step.tags.iter().any(|t| t.lines & line::START != 0) { s.saturating_sub(1) } else { s };
+        let last = |s: usize| before.unwrap_or(s).min(s.saturating_sub(1));
+        let first = |s: usize| if step.tags.iter().any(|t| t.lines & line::START != 0) { last(s) } else { s };
         let strips = strip.map_or(0..0, |s| first(s)..s + 1);
         tissue.update_map(&step.new_vertices, &[], strips, &lips)
     });
     tissue.versions.structure += 1;
-    update
+    (update, strip)
 }
 
 /// Two points carried to rest space by the surface vertex nearest to the second.

@@ -23,6 +23,9 @@ const FLAT_SIDE: f64 = 1e-9;
 /// What positions stored in f32 cannot tell apart, as a fraction of the diagonal.
 const GRAIN: f64 = 1e-7;
 
+/// Boxes that the next may go on from: the ends of two chains at a pivot, and what came before them.
+const ENDS_KEPT: usize = 4;
+
 /// The paper's rows for one segment, with what it did.
 #[derive(Clone, Debug, Default)]
 pub struct SegmentReport {
@@ -65,13 +68,30 @@ struct Tie {
     posed: [DVec3; 4],
 }
 
+/// What a box leaves for the next of its chain.
+#[derive(Default)]
+struct Ended {
+    /// Chain and place of the box.
+    place: (u32, u32),
+    /// Its end edge (tip, top) at rest.
+    at_rest: [DVec3; 2],
+    /// Vertices on the joint, with the quad edges they lie on, sorted.
+    tags: Vec<OnPlanes>,
+    /// Its walls: the end wall, which goes when the chain goes on, and the others (both sorted).
+    end_wall: Vec<FaceId>,
+    other_walls: Vec<FaceId>,
+    /// Its lips: where the tissue moves they stay on the side that they are on.
+    lips: Vec<(VertexId, i8)>,
+    /// Vertices that it touched or made, where another box has come after it.
+    near: Vec<VertexId>,
+}
+
 /// A stroke in progress through one tissue.
 pub struct TearStroke {
     stroke: Stroke,
     segments: Vec<TearSegment>,
-    tags: Vec<OnPlanes>,
-    /// Chain, place and rest-space end edge (tip, top) of the last box.
-    last: Option<(u32, u32, [DVec3; 2])>,
+    /// The last boxes, newest last: two chains take turns where the blade turns about a point of its own.
+    ended: Vec<Ended>,
     slit: u32,
     candidates: Vec<FaceId>,
     /// Vertices that the last box touched or made, as far as they live.
@@ -88,11 +108,6 @@ pub struct TearStroke {
     /// The tissue has moved since the pending quads were tied.
     moved: bool,
     wall: WallMode,
-    /// The walls of the last box: its end wall, which goes when the chain goes on, and the others (both sorted).
-    end_wall: Vec<FaceId>,
-    other_walls: Vec<FaceId>,
-    /// Lips of the last box: where the tissue moves they stay on the side that they are on.
-    lips: Vec<(VertexId, i8)>,
 }
 
 impl TearStroke {
@@ -101,8 +116,7 @@ impl TearStroke {
         Self {
             stroke: Stroke::new(width, sampling),
             segments: Vec::new(),
-            tags: Vec::new(),
-            last: None,
+            ended: Vec::new(),
             slit: tissue.layer().map_or(0, |l| l.strips.next_slit()),
             candidates: Vec::new(),
             near: Vec::new(),
@@ -116,9 +130,6 @@ impl TearStroke {
             deltas: Vec::new(),
             moved: false,
             wall: WallMode::Open,
-            end_wall: Vec::new(),
-            other_walls: Vec::new(),
-            lips: Vec::new(),
         }
     }
 
@@ -148,8 +159,7 @@ impl TearStroke {
         if let Some(layer) = tissue.layer.as_mut().filter(|l| self.has_torn() && l.strips.next_slit() > self.slit) {
             release_slit(&mut layer.map, &layer.strips, &layer.settings.wound);
         }
-        self.tags.clear();
-        self.last = None;
+        self.ended.clear();
         self.slits.release();
     }
 
@@ -171,7 +181,11 @@ impl TearStroke {
 
     /// Ties the pending quads to the nearest live vertices. A tie whose vertex lives is kept.
     fn tie_quads(&mut self, tissue: &Tissue) {
-        let Self { stroke, ties, near, candidates, positions, .. } = self;
+        let Self { stroke, ties, near, candidates, positions, ended, .. } = self;
+        let chains: Vec<u32> = stroke.builder().open_chains().collect();
+        // what the other lane's last box has touched
+        let beside = || ended.iter().filter(|e| chains.contains(&e.place.0)).flat_map(|e| e.near.iter().copied());
+        let near: Vec<VertexId> = near.iter().copied().chain(beside()).collect();
         let pending = stroke.builder().pending_quads_mut();
         let mut kept = 0;
         for (serial, quad) in pending {
@@ -185,7 +199,7 @@ impl TearStroke {
             // the blade may have gone elsewhere since the last box
             let reach = 2.0 * quad[0].distance(quad[2]);
             let seen = |v| positions.of(tissue, v);
-            let close = nearest_of(tissue, near, top, &seen).filter(|&v| seen(v).distance(top) <= reach);
+            let close = nearest_of(tissue, &near, top, &seen).filter(|&v| seen(v).distance(top) <= reach);
             let nearest = || close.or_else(|| nearest_vertex(tissue, candidates, top, &seen));
             if let Some(vertex) = nearest().or_else(|| tissue.any_vertex_near(top)) {
                 let rest = quad.map(|p| tissue.to_rest(vertex, p));
@@ -233,18 +247,19 @@ impl TearStroke {
     fn tear_box(&mut self, tissue: &mut Tissue, tear_box: &TearBox) {
         let mut report = SegmentReport::default();
         let mut planes = BoxPlanes::new(tear_box, FLAT_SIDE * tissue.diagonal());
-        if self.last.is_none_or(|(chain, index, _)| (chain, index + 1) != (tear_box.chain, tear_box.index)) {
-            self.tags.clear();
-            self.end_wall.clear();
-            self.other_walls.clear();
-            self.lips.clear();
+        let follows = |e: &Ended| (e.place.0, e.place.1 + 1) == (tear_box.chain, tear_box.index);
+        if let Some(last) = self.ended.last_mut() {
+            std::mem::swap(&mut last.near, &mut self.near);
         }
-        if self.moved && !self.tags.is_empty() {
+        let before = self.ended.iter().position(follows).map(|i| self.ended.remove(i));
+        let start = before.as_ref().map(|e| e.at_rest);
+        let before = before.unwrap_or_default();
+        if self.moved && !before.tags.is_empty() {
             planes.reach_back(tear_box);
         }
-        let mut tags = planes.start_tags(&self.tags);
+        let mut tags = planes.start_tags(&before.tags);
         if planes.start == 0 && self.wall == WallMode::Closed {
-            planes.tag_lips(&self.lips, &mut tags);
+            planes.tag_lips(&before.lips, &mut tags);
         }
         let material = if self.wall == WallMode::Closed { tissue.wound_material() } else { 0 };
         let [low, high] = tear_box.bounds();
@@ -252,15 +267,15 @@ impl TearStroke {
         let margin = DVec3::splat(reach);
         let hit = report.stages.time("perform_tear", || {
             planes.faces_within(tissue, (low - margin, high + margin), &mut self.candidates);
-            if self.wall == WallMode::Closed && self.meets_old_walls(tissue, &planes) {
+            if self.wall == WallMode::Closed && self.meets_old_walls(tissue, &planes, &before) {
                 planes.facets.seen_inside = Some(corners_inside(tissue, &planes.facets.corners));
             }
             let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
             let (at, seen) = (tear_box.blades[1][1], &self.positions);
             let walls = (self.wall == WallMode::Closed).then(|| WallSpec {
                 facets: &planes.facets,
-                remove: &self.end_wall,
-                keep: &self.other_walls,
+                remove: &before.end_wall,
+                keep: &before.other_walls,
                 material,
                 grain: (GRAIN * tissue.diagonal()).min(tear_box.quads[1][0].distance(tear_box.quads[1][1]) / 16.0),
                 rest_from_posed: rest_from_posed(tissue, nearest_vertex(tissue, &self.candidates, at, &|v| seen.of(tissue, v))),
@@ -271,14 +286,12 @@ impl TearStroke {
         });
         report.faces_visited = self.step.faces_visited;
         let end = if hit {
-            self.bind(tissue, tear_box, &mut report)
+            self.bind(tissue, tear_box, start, &mut report)
         } else {
             self.near.clear();
             self.rest_edge(tissue, tear_box, 1)
         };
-        self.tags = planes.end_edges(&self.step.on_end);
-        self.keep_walls();
-        self.last = Some((tear_box.chain, tear_box.index, end));
+        self.keep_end(tissue, tear_box, &planes, end);
         if hit || self.wall == WallMode::Open || !is_buried(tissue, tear_box) {
             self.boxes.push(tear_box.clone());
         }
@@ -286,9 +299,9 @@ impl TearStroke {
     }
 
     /// True if the box meets walls of others than the box before it: some that no plane of it keeps apart by more than the grain.
-    fn meets_old_walls(&self, tissue: &Tissue, planes: &BoxPlanes) -> bool {
+    fn meets_old_walls(&self, tissue: &Tissue, planes: &BoxPlanes, before: &Ended) -> bool {
         let (outward, grain) = (planes.outward(), GRAIN * tissue.diagonal());
-        let is_new = |f: FaceId| self.end_wall.binary_search(&f).is_ok() || self.other_walls.binary_search(&f).is_ok();
+        let is_new = |f: FaceId| [&before.end_wall, &before.other_walls].iter().any(|walls| walls.binary_search(&f).is_ok());
         let is_wall = |f: FaceId| tissue.mesh.is_live(f) && tissue.mesh.face_info(f).origin == u32::MAX;
         let is_apart = |f: FaceId| {
             let corners = tissue.mesh.face(f).map(|v| self.positions.of(tissue, v));
@@ -297,23 +310,45 @@ impl TearStroke {
         self.candidates.iter().any(|&f| is_wall(f) && !is_new(f) && !is_apart(f))
     }
 
-    /// Remembers the walls and lips of the last box for the next.
-    fn keep_walls(&mut self) {
-        self.end_wall.clear();
-        self.other_walls.clear();
-        self.lips.clear();
-        if self.wall == WallMode::Closed {
-            for &(face, side) in &self.step.walls {
-                (if side == Side::End { &mut self.end_wall } else { &mut self.other_walls }).push(face);
-            }
-            self.end_wall.sort_unstable();
-            self.other_walls.sort_unstable();
-            self.lips.extend(self.step.lips.iter().map(|l| (l.vertex, l.side)));
+    /// Remembers where the box ended, its walls and lips, for the next of its chain.
+    fn keep_end(&mut self, tissue: &Tissue, tear_box: &TearBox, planes: &BoxPlanes, at_rest: [DVec3; 2]) {
+        let step = &self.step;
+        // the box may have cut what those of the other chain have left; a face's slot may be in use again
+        let mut made: Vec<FaceId> = Vec::new();
+        if !self.ended.is_empty() {
+            made.extend(step.added_faces.iter().copied().chain(step.walls.iter().map(|w| w.0)));
+            made.sort_unstable();
         }
+        let stands = |f: &FaceId| tissue.mesh.is_live(*f) && made.binary_search(f).is_err();
+        self.ended.drain(..self.ended.len().saturating_sub(ENDS_KEPT - 1));
+        for other in &mut self.ended {
+            other.end_wall.retain(stands);
+            other.other_walls.retain(stands);
+            other.tags.retain(|t| tissue.mesh.vertex_is_live(t.vertex));
+            other.lips.retain(|l| tissue.mesh.vertex_is_live(l.0));
+        }
+        let mut end = Ended { place: (tear_box.chain, tear_box.index), at_rest, ..Ended::default() };
+        end.tags = planes.end_edges(&step.on_end);
+        if self.wall == WallMode::Closed {
+            for &(face, side) in &step.walls {
+                (if side == Side::End { &mut end.end_wall } else { &mut end.other_walls }).push(face);
+            }
+            end.end_wall.sort_unstable();
+            end.other_walls.sort_unstable();
+            end.lips.extend(step.lips.iter().map(|l| (l.vertex, l.side)));
+        }
+        self.ended.push(end);
     }
 
     /// Rows, strip and particle map of what the box tore. Returns the strip's end edge at rest.
-    fn bind(&mut self, tissue: &mut Tissue, tear_box: &TearBox, report: &mut SegmentReport) -> [DVec3; 2] {
+    /// `start` is where that begins, if another box ended there.
+    fn bind(
+        &mut self,
+        tissue: &mut Tissue,
+        tear_box: &TearBox,
+        start: Option<[DVec3; 2]>,
+        report: &mut SegmentReport,
+    ) -> [DVec3; 2] {
         let step = &mut self.step;
         let promoted = tissue.promoted_vertices;
         report.stages.time("bind", || {
@@ -330,10 +365,7 @@ impl TearStroke {
         report.new_vertices = step.new_vertices.len();
         report.intersection_points = step.intersection_points;
         report.area_removed = step.area_removed;
-        let start = match self.last {
-            Some((chain, index, edge)) if (chain, index + 1) == (tear_box.chain, tear_box.index) => edge,
-            _ => self.rest_edge(tissue, tear_box, 0),
-        };
+        let start = start.unwrap_or_else(|| self.rest_edge(tissue, tear_box, 0));
         let end = self.rest_edge(tissue, tear_box, 1);
         let strip = report.stages.time("disconnect_particles", || {
             let layer = tissue.layer.as_mut()?;
