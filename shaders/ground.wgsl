@@ -130,7 +130,8 @@ fn drape(in: Far) -> @location(0) vec4f {
 
     // Cloth: a plain weave with slow folds.
     let fold = grain(p * 1.7 + 7.0) + 0.5 * grain(p * 4.1);
-    let fade = saturate(0.012 * radius / max(pixel, 1e-9) - 0.35);
+    // gone before a pixel is half a wave: it would moire
+    let fade = saturate(0.0045 * radius / max(pixel, 1e-9) - 0.6);
     let weave = mix(0.5, 0.5 + 0.5 * sin(p.x * 420.0) * sin(p.y * 420.0), fade);
     let cloth = vec3f(0.012, 0.062, 0.070) * (0.66 + 0.40 * fold + 0.25 * weave);
     var light = cloth * (lamp * (0.55 + 0.45 * fold) + 1.3 * SKY * contact);

@@ -128,11 +128,11 @@ fn tilt(normal: vec3f, gradient: vec3f, position_x: vec3f, position_y: vec3f, re
 // its way in, with pale strands of connective tissue.
 fn raw_flesh(base: vec3f, p: vec3f, s: ptr<function, Surface>) -> vec3f {
     let broad = noise(p * 15.0);
-    let fibre = noise(p * vec3f(95.0, 24.0, 95.0) + 1.6 * vec3f(broad.x, 0.0, -broad.x) + 3.0);
+    let fibre = turned_noise(p * vec3f(95.0, 24.0, 95.0) + 1.6 * vec3f(broad.x, 0.0, -broad.x) + 3.0);
     let grain = turned_noise(p * 140.0);
     let strand = smoothstep(0.42, 0.75, fibre.x + 0.25 * grain.x);
     var albedo = base * (1.0 + 0.35 * broad.x + 0.30 * fibre.x + 0.12 * grain.x);
-    albedo = mix(albedo, vec3f(0.46, 0.20, 0.15), 0.22 * strand);
+    albedo = mix(albedo, vec3f(0.46, 0.20, 0.15), 0.12 * strand);
     (*s).albedo = max(albedo, vec3f(0.004));
     (*s).roughness = 0.56;
     (*s).scatter = 1.0;

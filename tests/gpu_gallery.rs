@@ -126,7 +126,7 @@ fn heart() {
     torn.scene.set_wall(WallMode::Closed);
     let mut forceps = Instrument::scalpel(DVec3::new(0.019, 0.008, 0.047), DVec3::new(0.10, 0.10, 0.10), DVec3::X, 1.0);
     forceps.tool = Tool::Forceps { opening: 0.004 };
-    gallery.instruments = vec![lying(DVec3::new(-0.150, -0.0628, 0.050), DVec3::new(0.10, 0.002, 0.045)), forceps];
+    gallery.instruments = vec![lying(DVec3::new(-0.130, -0.0555, 0.005), DVec3::new(0.08, 0.002, 0.065)), forceps];
     play(&mut torn, &mut gallery, 70, heart_wound(), &[], "heart");
     gallery.instruments.clear();
     gallery.camera = Camera { eye: DVec3::new(0.045, 0.045, 0.135), target: DVec3::new(0.004, 0.006, 0.03), ..camera };

@@ -61,6 +61,19 @@ fn the_wrong_picture_fails() {
 }
 
 #[test]
+fn a_picture_that_fails_is_written_out() {
+    if std::env::var_os("INCISE_BLESS").is_some() {
+        return; // it would become the golden one
+    }
+    let wrong = picture(&[&sphere(8, 1.0)], DVec3::new(0.2, 0.4, 1.0), &DrawOptions::default());
+    let failed = std::panic::catch_unwind(|| compare("wound", SIZE, &wrong)).expect_err("another model");
+    let text = failed.downcast_ref::<String>().expect("a sentence");
+    let path = text.split_once("see ").and_then(|(_, rest)| rest.split_once(" and ")).expect("a path").0;
+    let written = image::open(path).expect("the failing picture").to_rgba8().into_raw();
+    assert_eq!(written, wrong);
+}
+
+#[test]
 fn several_tissues_textures_and_lines() {
     const TEXELS: [u8; 16] = [230, 200, 60, 255, 40, 90, 160, 255, 40, 90, 160, 255, 230, 200, 60, 255];
     let mut left = sphere(12, 0.5);

@@ -179,7 +179,7 @@ fn material_view(material: &Material) -> MaterialView<'_> {
     let view = MaterialView { base_colour: material.base_colour, texture, ..MaterialView::FLESH };
     match material.name.as_str() {
         "wound" => MaterialView { roughness: 0.6, wetness: 0.45, ..view },
-        "cap" => MaterialView { roughness: 0.55, wetness: 0.7, ..view },
+        "cap" => MaterialView { roughness: 0.55, wetness: 0.4, ..view },
         // A picture on the surface is skin or fur: drier and less translucent than bare flesh.
         _ if texture.is_some() => MaterialView { wetness: 0.25, scatter: 0.4, ..view },
         _ => view,

@@ -66,7 +66,7 @@ pub enum VrError {
 impl VrError {
     /// True if a new session might succeed where this one ended.
     pub fn is_loss(&self) -> bool {
-        matches!(self, Self::Lost(_))
+        matches!(self, Self::Lost(_) | Self::Gpu(GpuError::Lost(_)))
     }
 }
 
@@ -99,6 +99,8 @@ mod tests {
             assert!(Err::<(), R>(gone).named("xrEndFrame").unwrap_err().is_loss());
         }
         let refused = Err::<(), R>(R::ERROR_VALIDATION_FAILURE).named("xrEndFrame").unwrap_err();
+        assert!(VrError::from(GpuError::Lost("x".into())).is_loss());
+        assert!(!VrError::from(GpuError::UnknownTissue(1)).is_loss());
         assert!(!refused.is_loss() && refused.to_string().contains("xrEndFrame"));
     }
 
