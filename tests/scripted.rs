@@ -103,3 +103,16 @@ fn a_cut_ends_a_stroke_in_progress() {
     scene.validate().unwrap();
     assert_eq!(scene.edit_hash(), untouched);
 }
+
+#[test]
+fn a_camera_that_looks_along_its_up_takes_another() {
+    let up = |camera: &str| {
+        let script = Script::parse(&format!("[camera]\n{camera}\n"), Path::new("s.toml")).expect("a script");
+        let pose = ScriptPlayer::new(script, 0.004, CAMERA).frame(0).camera.expect("a camera");
+        assert!((pose.target - pose.eye).cross(pose.up).length() > 1e-3, "{camera}: {pose:?}");
+        pose.up
+    };
+    assert_eq!(up("eye = [0, 1, 0]\ntarget = [0, 0, 0]"), DVec3::NEG_Z);
+    assert_eq!(up("eye = [0, 0, 2]\ntarget = [0, 0, 0]\nup = [0, 0, 1]"), DVec3::Y);
+    assert_eq!(up("eye = [0, 1, 0.1]\ntarget = [0, 0, 0]"), DVec3::Y, "a usual one keeps its own");
+}

@@ -124,11 +124,11 @@ impl Blade {
         }
     }
 
-    /// Of its true size beside a model up to half a metre, larger in proportion beside a larger one.
+    /// Of its true size beside a model of two centimetres to half a metre, else in proportion.
     fn scalpel(&self, scene: &Scene) -> Option<Instrument> {
         let pose = self.pose?;
         let diagonal = scene.tissues().map(|(_, t)| t.diagonal()).fold(0.0, f64::max);
-        let scale = (diagonal / 0.5).clamp(1.0, 1e6);
+        let scale = (diagonal / 0.5).max((diagonal / 0.02).clamp(1e-9, 1.0)).min(1e6);
         Some(Instrument::scalpel(pose.tip, pose.base, self.travel, scale))
     }
 }

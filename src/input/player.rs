@@ -29,12 +29,18 @@ struct Progress {
 impl ScriptPlayer {
     /// A player with the scene's default tear `width` (metres) and a camera where the script names none.
     pub fn new(script: Script, width: f64, default_camera: CameraPose) -> Self {
-        let camera = CameraPose {
+        let mut camera = CameraPose {
             eye: script.camera.eye.unwrap_or(default_camera.eye),
             target: script.camera.target.unwrap_or(default_camera.target),
             up: script.camera.up,
             fov_y: script.camera.fov_y,
         };
+        // A camera that looks along its up, as from straight above: away from z is up, or y if it looks along z.
+        let sight = camera.target - camera.eye;
+        let is_along = |up: DVec3| sight.cross(up).length_squared() <= 1e-24 * sight.length_squared() * up.length_squared();
+        if is_along(camera.up) {
+            camera.up = if is_along(DVec3::Z) { DVec3::Y } else { DVec3::NEG_Z };
+        }
         let progress = vec![Progress::default(); script.actions.len()];
         Self { script, width, camera, progress }
     }

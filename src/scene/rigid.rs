@@ -70,21 +70,22 @@ impl Hull {
     /// None for a tissue without extent, or whatever `add` refuses.
     fn new(tissue: &Tissue, add: impl FnOnce(&[DVec3]) -> Option<BodyId>) -> Option<Self> {
         let vertices = tissue.hull_vertices(HULL_POINTS);
-        let points = tissue.hull_points(&vertices);
+        let mut points = Vec::new();
+        tissue.hull_points(&vertices, &mut points);
         Some(Self { body: add(&points)?, vertices, points, seen: seen(tissue) })
     }
 
     /// Follows the animation and the soft layer, a little at a time.
-    fn follow(&mut self, tissue: &Tissue, world: &mut RigidWorld) {
+    fn follow(&mut self, tissue: &Tissue, world: &mut RigidWorld, points: &mut Vec<DVec3>) {
         if self.seen == seen(tissue) {
             return;
         }
         self.seen = seen(tissue);
-        let points = tissue.hull_points(&self.vertices);
+        tissue.hull_points(&self.vertices, points);
         let moved = |(a, b): (&DVec3, &DVec3)| a.distance(*b) > FOLLOWS * tissue.diagonal();
         if points.len() != self.points.len() || points.iter().zip(&self.points).any(moved) {
-            world.reshape(self.body, &points);
-            self.points = points;
+            world.reshape(self.body, points);
+            std::mem::swap(&mut self.points, points);
         }
     }
 }
@@ -97,6 +98,8 @@ pub(super) struct Rigid {
     loose: BTreeMap<TissueId, Hull>,
     /// Of the others, while there are loose ones.
     stands: BTreeMap<TissueId, Hull>,
+    /// Of a hull, for the time of a look at it.
+    points: Vec<DVec3>,
     /// For each piece that came off: what it came off, and whether that was loose already.
     parents: BTreeMap<TissueId, (TissueId, bool)>,
     settings: PieceSettings,
@@ -126,6 +129,7 @@ impl Rigid {
             colliders: BTreeMap::new(),
             loose: BTreeMap::new(),
             stands: BTreeMap::new(),
+            points: Vec::new(),
             parents: BTreeMap::new(),
             settings: PieceSettings::default(),
             ground,
@@ -179,7 +183,7 @@ impl Rigid {
     fn pose_hulls(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
         for (id, hull) in self.loose.iter_mut().chain(&mut self.stands) {
             if let Some(tissue) = tissues.get(id) {
-                hull.follow(tissue, &mut self.world);
+                hull.follow(tissue, &mut self.world, &mut self.points);
             }
         }
     }

@@ -205,14 +205,13 @@ impl Tissue {
         vertices
     }
 
-    /// Where they are (tissue space), drawn in by a few per cent so that pieces do not start inside each other.
-    pub fn hull_points(&self, vertices: &[VertexId]) -> Vec<DVec3> {
+    /// Writes where those still are (tissue space), drawn in by a few per cent so that pieces do not start inside each other.
+    pub fn hull_points(&self, vertices: &[VertexId], points: &mut Vec<DVec3>) {
         const SHRUNK: f64 = 0.97;
-        let live = vertices.iter().filter(|v| self.mesh.vertex_is_live(**v));
-        let mut points: Vec<DVec3> = live.map(|v| self.position(*v)).collect();
+        points.clear();
+        points.extend(vertices.iter().filter(|v| self.mesh.vertex_is_live(**v)).map(|v| self.position(*v)));
         let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         points.iter_mut().for_each(|p| *p = middle + SHRUNK * (*p - middle));
-        points
     }
 }
 

@@ -94,6 +94,8 @@ struct Live {
     /// The window has said that it rests.
     rests: bool,
     frames: u64,
+    /// Devices lost since the last frame that was drawn; more than three are no accident.
+    losses: u32,
     closing: bool,
 }
 
@@ -182,6 +184,7 @@ impl Live {
             pressed_panel: false,
             rests: false,
             frames: 0,
+            losses: 0,
             closing: false,
         })
     }
@@ -489,6 +492,7 @@ impl Live {
         };
         match self.session.app.frame(&input, &mut target) {
             Ok(report) => {
+                self.losses = 0;
                 let shot = target.shot.take();
                 self.session.panel.gpu_stages = target.passes;
                 if self.frames == 1 {
@@ -499,7 +503,9 @@ impl Live {
                     self.write_shot(&shot, recording);
                 }
             }
+            Err(why @ GpuError::Lost(_)) if self.losses == 3 => return Err(why.into()),
             Err(GpuError::Lost(why)) => {
+                self.losses += 1;
                 tracing::warn!("the GPU was lost ({why}); starting another device");
                 self.screen.replace_lost_device()?;
                 let repaint = repaint_by(&self.proxy);
