@@ -7,18 +7,19 @@ mod gpu_support;
 
 use common::models::scene;
 use glam::{DQuat, DVec3};
-use gpu_support::context;
 use gpu_support::golden::{MOST_OFF, TOLERANCE, compare, difference, load, share_off};
+use gpu_support::{context, plain_context};
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
 use incise::geometry::{Plane, VertexId};
-use incise::gpu::{Camera, DrawOptions, Fov, GpuError, Instrument, Passes, Tool, ViewPose};
+use incise::gpu::{Camera, Context, DrawOptions, Fov, GpuError, Instrument, Passes, Tool, ViewPose};
 use incise::host::layers::error_points;
 use incise::host::mirror::Mirror;
 use incise::input::{InputFrame, Layer};
 use incise::physics::RigidPose;
 use incise::scene::EditCommand;
 use incise::surgery::{BladePose, WallMode};
+use std::sync::Arc;
 
 const SIZE: (u32, u32) = (160, 120);
 
@@ -35,8 +36,12 @@ struct Target {
 
 impl Target {
     fn new(views: Vec<ViewPose>) -> Self {
+        Self::on(context(), views)
+    }
+
+    fn on(context: Arc<Context>, views: Vec<ViewPose>) -> Self {
         Self {
-            mirror: Mirror::new(context()),
+            mirror: Mirror::new(context),
             views,
             instruments: Vec::new(),
             pictures: Vec::new(),
@@ -94,7 +99,10 @@ fn tear() -> Vec<EditCommand> {
 
 /// A torn beam, opened, and what the eyes see.
 fn torn(wall: WallMode, views: Vec<ViewPose>) -> (App, Target) {
-    let mut target = Target::new(views);
+    torn_before(Target::new(views), wall)
+}
+
+fn torn_before(mut target: Target, wall: WallMode) -> (App, Target) {
     target.from_s = 22.5 / 60.0;
     let mut scene = scene("beam", 2400).0;
     scene.set_wall(wall);
@@ -117,6 +125,27 @@ fn open_and_closed_wounds() {
     for layer in ["boxes", "edges", "strips", "wireframe", "particles", "sections", "influences"] {
         let share = share_off(&open.pictures[0], &load(&format!("layer-{layer}")));
         assert!(share > 2.0 * MOST_OFF, "{layer}: {share}");
+    }
+}
+
+/// One that has neither multiview nor storage buffers enough: the CPU deforms.
+#[test]
+fn wounds_caps_and_layers_look_the_same_on_a_plain_adapter() {
+    let plain = plain_context();
+    assert!(!plain.deforms());
+    for (wall, name) in [(WallMode::Open, "open-wound"), (WallMode::Closed, "closed-wound")] {
+        let (mut app, mut target) = torn_before(Target::on(plain.clone(), from_above()), wall);
+        compare(name, SIZE, &target.pictures[0]);
+        if wall == WallMode::Open {
+            frame(&mut app, &mut target, 24, Vec::new(), &[(Layer::Edges, true)]);
+            compare("layer-edges", SIZE, &target.pictures[0]);
+        }
+        let whole = target.pictures[0].clone();
+        let plane = Plane::Equation { normal: DVec3::new(1.0, 0.1, 0.2), offset: 0.1 };
+        frame(&mut app, &mut target, 25, vec![EditCommand::CutClosed(plane)], &[]);
+        assert_eq!(app.scene.tissues().count(), 2);
+        assert!(difference(&target.pictures[0], &whole) > 0.05, "the cut must show");
+        assert!(target.mirror.gpu_error(&app.scene).expect("read back") < 1e-6);
     }
 }
 

@@ -96,6 +96,8 @@ pub struct TearStroke {
     candidates: Vec<FaceId>,
     /// Vertices that the last box touched or made, as far as they live.
     near: Vec<VertexId>,
+    /// Those, and what the last box of another lane touched.
+    nearby: Vec<VertexId>,
     scratch: TearScratch,
     positions: PositionCache,
     step: TearStep,
@@ -120,6 +122,7 @@ impl TearStroke {
             slit: tissue.layer().map_or(0, |l| l.strips.next_slit()),
             candidates: Vec::new(),
             near: Vec::new(),
+            nearby: Vec::new(),
             scratch: TearScratch::default(),
             positions: PositionCache::default(),
             step: TearStep::default(),
@@ -181,11 +184,13 @@ impl TearStroke {
 
     /// Ties the pending quads to the nearest live vertices. A tie whose vertex lives is kept.
     fn tie_quads(&mut self, tissue: &Tissue) {
-        let Self { stroke, ties, near, candidates, positions, ended, .. } = self;
-        let chains: Vec<u32> = stroke.builder().open_chains().collect();
-        // what the other lane's last box has touched
-        let beside = || ended.iter().filter(|e| chains.contains(&e.place.0)).flat_map(|e| e.near.iter().copied());
-        let near: Vec<VertexId> = near.iter().copied().chain(beside()).collect();
+        let Self { stroke, ties, near, nearby, candidates, positions, ended, .. } = self;
+        nearby.clear();
+        nearby.extend_from_slice(near);
+        for chain in stroke.builder().open_chains() {
+            // what the other lane's last box has touched
+            nearby.extend(ended.iter().filter(|e| e.place.0 == chain).flat_map(|e| &e.near));
+        }
         let pending = stroke.builder().pending_quads_mut();
         let mut kept = 0;
         for (serial, quad) in pending {
@@ -199,7 +204,7 @@ impl TearStroke {
             // the blade may have gone elsewhere since the last box
             let reach = 2.0 * quad[0].distance(quad[2]);
             let seen = |v| positions.of(tissue, v);
-            let close = nearest_of(tissue, &near, top, &seen).filter(|&v| seen(v).distance(top) <= reach);
+            let close = nearest_of(tissue, nearby, top, &seen).filter(|&v| seen(v).distance(top) <= reach);
             let nearest = || close.or_else(|| nearest_vertex(tissue, candidates, top, &seen));
             if let Some(vertex) = nearest().or_else(|| tissue.any_vertex_near(top)) {
                 let rest = quad.map(|p| tissue.to_rest(vertex, p));
