@@ -15,6 +15,14 @@ fn frames(scene: &mut Scene, count: usize) {
     (0..count).for_each(|_| scene.step(STEP));
 }
 
+/// A model at rest whose pieces fall.
+fn falling(name: &str, faces: usize) -> Scene {
+    let (mut scene, _) = scene(name, faces);
+    scene.pose(0.0, 0.0);
+    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    scene
+}
+
 fn place(scene: &mut Scene, id: u32, at: DVec3) {
     scene.edit(EditCommand::PlaceCollider { id, shape: RigidShape::Sphere { radius: 0.03 }, pose: RigidPose::at(at) });
 }
@@ -94,9 +102,7 @@ fn steps_of_any_length_and_nonsense_are_survived() {
 
 #[test]
 fn a_piece_falls_and_undo_brings_it_back_into_its_frame() {
-    let (mut scene, _) = scene("sphere", 768);
-    scene.pose(0.0, 0.0);
-    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    let mut scene = falling("sphere", 768);
     let whole = scene.edit_hash();
     let report = scene.edit(cut(DVec3::X, 0.2));
     let volume: f64 = report[0].pieces.iter().map(|p| p.area).sum();
@@ -127,9 +133,7 @@ fn a_piece_falls_and_undo_brings_it_back_into_its_frame() {
 
 #[test]
 fn a_fallen_piece_is_cut_where_it_lies() {
-    let (mut scene, _) = scene("sphere", 768);
-    scene.pose(0.0, 0.0);
-    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    let mut scene = falling("sphere", 768);
     scene.edit(cut(DVec3::X, 0.1));
     let piece = loose_ids(&scene)[0];
     frames(&mut scene, 90);
@@ -192,9 +196,7 @@ fn nothing_falls_unless_it_is_asked_to_and_the_root_can_be_what_stays() {
 
 #[test]
 fn a_hand_picks_a_loose_piece_up() {
-    let (mut scene, _) = scene("sphere", 768);
-    scene.pose(0.0, 0.0);
-    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    let mut scene = falling("sphere", 768);
     scene.edit(cut(DVec3::X, 0.3));
     let piece = loose_ids(&scene)[0];
     frames(&mut scene, 60);
@@ -216,9 +218,7 @@ fn a_hand_picks_a_loose_piece_up() {
 #[test]
 fn the_same_commands_give_the_same_bits() {
     let run = || {
-        let (mut scene, _) = scene("sphere", 768);
-        scene.pose(0.0, 0.0);
-        scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+        let mut scene = falling("sphere", 768);
         scene.edit(cut(DVec3::new(1.0, 0.2, 0.0), 0.15));
         for k in 0..80 {
             place(&mut scene, 1, DVec3::new(0.7 - 0.008 * f64::from(k), -0.2, 0.0));
@@ -238,9 +238,7 @@ fn lowest(scene: &Scene, id: TissueId, normal: DVec3, offset: f64) -> f64 {
 
 #[test]
 fn a_piece_rests_on_what_it_was_cut_off() {
-    let (mut scene, _) = scene("sphere", 3000);
-    scene.pose(0.0, 0.0);
-    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    let mut scene = falling("sphere", 3000);
     let (normal, offset) = (DVec3::new(0.1, 1.0, 0.05).normalize(), 0.1);
     scene.edit(cut(normal, offset));
     let piece = loose_ids(&scene)[0];
@@ -254,9 +252,7 @@ fn a_piece_rests_on_what_it_was_cut_off() {
 
 #[test]
 fn few_particles_carry_a_piece_and_a_rolling_piece_does_not_sink_in() {
-    let (mut scene, _) = scene("heart", 3000);
-    scene.pose(0.0, 0.0);
-    scene.set_pieces(PieceSettings { fall: true, ..PieceSettings::default() });
+    let mut scene = falling("heart", 3000);
     let normal = DVec3::new(-0.35, 1.0, 0.25).normalize();
     scene.edit(cut(normal, 0.012));
     let piece = loose_ids(&scene)[0];

@@ -179,9 +179,7 @@ impl Contacts {
     fn catch(&mut self, world: &mut RigidWorld, own: Option<BodyId>, radius: f64, grabbed: &impl Fn(ParticleId) -> bool) {
         let mut bodies = std::mem::take(&mut self.bodies);
         bodies.clear();
-        // Loose pieces meet as rigid bodies.
-        let touches = |body: &Body| own.is_none() || !body.is_loose();
-        bodies.extend(world.touching().filter(|(id, body)| Some(*id) != own && touches(body)).map(|(id, _)| id));
+        bodies.extend(world.touching(own).map(|(id, _)| id));
         for &id in &bodies {
             if let Some(body) = world.body(id) {
                 self.catch_by(body, id, radius, grabbed);
@@ -261,7 +259,7 @@ impl Contacts {
             let (Some(anchor), Some(body)) = (skin.anchors[index], world.body(contact.body)) else { continue };
             let normal = frame.direction(skin.normals[index]);
             let mut place = body.now.point(contact.local);
-            let others = || world.touching().filter(|(id, _)| Some(*id) != own && *id != contact.body);
+            let others = || world.touching(own).filter(|(id, _)| *id != contact.body);
             for _ in 0..SQUEEZE {
                 let mut moved = false;
                 for (id, other) in others() {

@@ -121,10 +121,7 @@ impl RigidWorld {
     /// no sense.
     pub fn add_hull(&mut self, points: &[DVec3], mass: f64, pose: RigidPose) -> Option<BodyId> {
         let pose = pose.checked()?;
-        let shape = hull(points)?;
-        let (points, faces) = shape.as_convex_polyhedron()?.to_trimesh();
-        let points: Vec<DVec3> = points.iter().map(|p| p.as_dvec3()).collect();
-        let solid = Solid::convex(&points, &faces)?;
+        let (shape, solid) = convex(points)?;
         let id = self.add_loose(shape, solid, mass, pose)?;
         self.body_mut(id)?.soft = false;
         Some(id)
@@ -147,10 +144,9 @@ impl RigidWorld {
     pub fn add_stand(&mut self, points: &[DVec3], pose: RigidPose) -> Option<BodyId> {
         let pose = pose.checked()?;
         let groups = InteractionGroups::new(STANDS, Group::ALL, InteractionTestMode::And);
-        let collider = ColliderBuilder::new(hull(points)?).friction(0.6).collision_groups(groups);
+        let (shape, solid) = convex(points)?;
+        let collider = ColliderBuilder::new(shape).friction(0.6).collision_groups(groups);
         let (handle, _) = self.world.insert(RigidBodyBuilder::fixed().pose(to_rapier(&pose)), collider);
-        // Its shape is rapier's alone.
-        let solid = Solid::Simple(RigidShape::Sphere { radius: self.length });
         Some(self.insert(Body { soft: false, ..Body::new(Some(handle), solid, pose, 0.0) }))
     }
 
@@ -204,7 +200,8 @@ impl RigidWorld {
         let upright = RigidPose { rotation: DQuat::from_rotation_arc(DVec3::Y, self.up), translation: -0.5 * deep * self.up };
         let slab = SharedShape::cuboid(0.5 * wide as f32, 0.5 * deep as f32, 0.5 * wide as f32);
         let (handle, _) = self.world.insert(builder, ColliderBuilder::new(slab).position(to_rapier(&upright)).friction(0.8));
-        self.table = Some(self.insert(Body::new(Some(handle), Solid::below(self.up), pose, 0.0)));
+        let body = Body::new(Some(handle), Solid::below(self.up), pose, 0.0);
+        self.table = Some(self.insert(Body { soft: false, ..body }));
     }
 
     /// Tells a driven body where to be at the end of the next step. Nonsense is refused.
@@ -286,9 +283,9 @@ impl RigidWorld {
         self.up
     }
 
-    /// True if there is a body that soft layers may touch, the table not counted.
+    /// True if there is no body that soft layers may feel.
     pub fn is_empty(&self) -> bool {
-        self.touching().next().is_none()
+        self.touching(None).next().is_none()
     }
 
     /// True if no body moves or is about to.
@@ -301,9 +298,10 @@ impl RigidWorld {
         body.mass > 0.0 && rigid.is_some_and(|r| r.is_enabled() && !r.is_sleeping())
     }
 
-    /// Bodies that soft layers touch, the table last to be told from the others by whom it concerns.
-    pub(super) fn touching(&self) -> impl Iterator<Item = (BodyId, &Body)> {
-        self.bodies.iter().filter(|(id, b)| b.soft && Some(**id) != self.table).map(|(id, b)| (*id, b))
+    /// Bodies that a soft layer feels, given the body that it is on itself, if any: loose pieces meet as rigid bodies.
+    pub(super) fn touching(&self, own: Option<BodyId>) -> impl Iterator<Item = (BodyId, &Body)> {
+        let feels = move |body: &Body| body.soft && (own.is_none() || !body.is_loose());
+        self.bodies.iter().filter(move |(_, body)| feels(body)).map(|(id, body)| (*id, body))
     }
 
     pub(super) fn body(&self, id: BodyId) -> Option<&Body> {
@@ -438,6 +436,15 @@ impl Body {
     pub fn is_loose(&self) -> bool {
         self.mass > 0.0
     }
+}
+
+/// The hull of a set of points for rapier, and as soft layers would feel it.
+fn convex(points: &[DVec3]) -> Option<(SharedShape, Solid)> {
+    let shape = hull(points)?;
+    let (points, faces) = shape.as_convex_polyhedron()?.to_trimesh();
+    let points: Vec<DVec3> = points.iter().map(|p| p.as_dvec3()).collect();
+    let solid = Solid::convex(&points, &faces)?;
+    Some((shape, solid))
 }
 
 /// The hull of a set of points, thickened where they lie in a plane. `None` for fewer than three places.

@@ -98,6 +98,10 @@ pub(super) struct Rigid {
     loose: BTreeMap<TissueId, Hull>,
     /// Of the others, while there are loose ones.
     stands: BTreeMap<TissueId, Hull>,
+    /// Pieces have come off or gone back since the stands were made.
+    stands_due: bool,
+    /// Those that have come off since then.
+    came_off: Vec<TissueId>,
     /// Of a hull, for the time of a look at it.
     points: Vec<DVec3>,
     /// For each piece that came off: what it came off, and whether that was loose already.
@@ -129,6 +133,8 @@ impl Rigid {
             colliders: BTreeMap::new(),
             loose: BTreeMap::new(),
             stands: BTreeMap::new(),
+            stands_due: false,
+            came_off: Vec::new(),
             points: Vec::new(),
             parents: BTreeMap::new(),
             settings: PieceSettings::default(),
@@ -166,10 +172,11 @@ impl Rigid {
     }
 
     /// Makes what loose pieces may lie on: what stays of the model. Nothing while none is loose.
-    fn stand(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
+    fn make_stands(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
         for hull in std::mem::take(&mut self.stands).into_values() {
             self.world.remove(hull.body);
         }
+        let came_off = std::mem::take(&mut self.came_off);
         if self.loose.is_empty() {
             return;
         }
@@ -177,10 +184,21 @@ impl Rigid {
             let hull = Hull::new(tissue, |points| self.world.add_stand(points, tissue.frame()));
             self.stands.extend(hull.map(|hull| (id, hull)));
         }
+        // A flap cut out of a hollow: no plane parts it from the rest, and their hulls would throw it out.
+        let most = MOST_OVERLAP * (self.ground.1 - self.ground.0).length();
+        let Self { world, loose, stands, .. } = self;
+        for body in came_off.iter().filter_map(|id| loose.get(id)).map(|hull| hull.body) {
+            if stands.values().any(|s| world.overlap(s.body, body) > most) {
+                world.pass_stands(body);
+            }
+        }
     }
 
-    /// Hulls follow what is seen.
-    fn pose_hulls(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
+    /// Brings hulls to what is seen.
+    fn sync_hulls(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
+        if std::mem::take(&mut self.stands_due) {
+            self.make_stands(tissues);
+        }
         for (id, hull) in self.loose.iter_mut().chain(&mut self.stands) {
             if let Some(tissue) = tissues.get(id) {
                 hull.follow(tissue, &mut self.world, &mut self.points);
@@ -252,7 +270,7 @@ impl Scene {
     pub fn step(&mut self, step_s: f64) {
         let h = if step_s > 0.0 { step_s.min(crate::physics::MAX_STEP) } else { 0.0 };
         let parts = self.rigid.parts(h);
-        self.rigid.pose_hulls(&self.tissues);
+        self.rigid.sync_hulls(&self.tissues);
         for part in 0..parts {
             self.step_part(h / parts as f64, parts - part);
         }
@@ -314,15 +332,8 @@ impl Scene {
                 self.rigid.loosen(id, tissue);
             }
         }
-        self.rigid.stand(&self.tissues);
-        let Rigid { world, loose, stands, ground, .. } = &mut self.rigid;
-        // A flap cut out of a hollow: no plane parts it from the rest, and their hulls would throw it out.
-        let most = MOST_OVERLAP * (ground.1 - ground.0).length();
-        for body in all.iter().filter_map(|id| loose.get(id)).map(|hull| hull.body) {
-            if stands.values().any(|s| world.overlap(s.body, body) > most) {
-                world.pass_stands(body);
-            }
-        }
+        self.rigid.stands_due = true;
+        self.rigid.came_off.extend(all);
     }
 
     /// The piece that stays: by the root if that is what holds, then by area, the first among equals.
@@ -353,7 +364,7 @@ impl Scene {
                 self.rigid.loosen(parent, tissue);
             }
         }
-        self.rigid.stand(&self.tissues);
+        self.rigid.stands_due = true;
     }
 
     /// A severing was done again: pieces start from where their parents are.
