@@ -215,6 +215,8 @@ pub struct VrSettings {
     pub snap_turn: f64,
     /// Pictures a second; 0 leaves it to the headset.
     pub refresh_rate: f64,
+    /// How far the eyes' pictures may shrink while the GPU does not keep up: share of each side. 1 keeps them whole.
+    pub resolution_floor: f64,
     /// Shows one eye in a window, too, where there is a display.
     pub mirror: bool,
     /// How long a runtime that has stopped is waited for, seconds; then the work is saved and the program ends.
@@ -230,6 +232,7 @@ impl Default for VrSettings {
             reach: 0.03,
             snap_turn: 0.5,
             refresh_rate: 0.0,
+            resolution_floor: 0.6,
             mirror: true,
             return_time: 5.0,
         }
@@ -354,6 +357,7 @@ impl Config {
         rules.range("vr.reach", vr.reach, 0.0, 1.0, "from 0 to 1 m");
         rules.range("vr.snap_turn", vr.snap_turn, 0.0, std::f64::consts::PI, "from 0 to pi radians");
         rules.range("vr.return_time", vr.return_time, 0.0, 3600.0, "from 0 to 3600 s");
+        rules.range("vr.resolution_floor", vr.resolution_floor, 0.1, 1.0, "from 0.1 to 1 (of each side)");
         rules.range("vr.refresh_rate", vr.refresh_rate, 0.0, 1000.0, "from 0 to 1000 a second");
         rules.0
     }

@@ -115,7 +115,8 @@ fn write_eyes(folder: &Path, app: &App, pictures: &EyePictures, outcome: &VrOutc
         let differences = seen.iter().zip(twin).map(|(a, b)| a.abs_diff(*b));
         let mean = differences.clone().map(f64::from).sum::<f64>() / seen.len().max(1) as f64;
         let far = differences.filter(|&d| d > 8).count() as f64 / seen.len().max(1) as f64;
-        eyes.push(json!({ "mean_difference": mean, "share_above_8": far }));
+        let (width, height) = pictures.size;
+        eyes.push(json!({ "mean_difference": mean, "share_above_8": far, "size": [width, height] }));
     }
     Ok(Value::Array(eyes))
 }
@@ -150,10 +151,11 @@ fn write_png(path: &Path, pixels: &[u8], (width, height): (u32, u32)) -> Result<
 fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
     let points = |points: &[DVec3]| points.iter().map(|p| json!(p.to_array())).collect::<Vec<_>>();
     let middles: Vec<DVec3> = app.scene.last_tear_boxes().iter().map(|b| b.corners().iter().sum::<DVec3>() / 8.0).collect();
-    let frame = |FrameNote { report, commands, allocations, displaced }: &FrameNote| {
+    let frame = |FrameNote { report, gpu, commands, allocations, displaced }: &FrameNote| {
         json!({
             "time": report.time_s,
             "stages_ms": report_json::stages(&report.stages),
+            "gpu_ms": report_json::stages(gpu),
             "dispatches": report.counters.dispatches,
             "bytes_uploaded": report.counters.bytes_uploaded,
             "particles_awake": report.counters.particles_awake,
@@ -173,6 +175,7 @@ fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
         "multiview": outcome.multiview,
         "depth": outcome.depth,
         "eye_size": [outcome.eye_size.0, outcome.eye_size.1],
+        "least_resolution": outcome.least_resolution,
         "drawn": outcome.drawn,
         "undrawn": outcome.undrawn,
         "rested": outcome.rested,

@@ -46,6 +46,12 @@ pub enum GpuError {
         /// Bytes there are.
         limit_bytes: u64,
     },
+    /// More tissues than the shaders can tell apart.
+    #[error("{most} pieces are the most that this adapter draws; undo a cut")]
+    TooManyTissues {
+        /// Most tissues.
+        most: usize,
+    },
     /// A view's slices do not fit together.
     #[error("a tissue handed to the GPU is inconsistent: {0}")]
     BadView(String),
@@ -79,4 +85,11 @@ pub enum GpuError {
     /// The device stopped answering.
     #[error("the GPU stopped answering: {0}")]
     Lost(String),
+}
+
+impl GpuError {
+    /// True if the scene is more than the adapter can hold: a smaller one would do.
+    pub fn is_outgrown(&self) -> bool {
+        matches!(self, Self::TooLarge { .. } | Self::TooManyTissues { .. })
+    }
 }

@@ -392,7 +392,7 @@ impl Renderer {
         let slot = self.tissues.len();
         let most = if self.context.deforms() { MAX_TISSUES } else { UNIFORM_TISSUES };
         if slot >= most {
-            return Err(GpuError::BadView(format!("{most} tissues are the most on this adapter")));
+            return Err(GpuError::TooManyTissues { most });
         }
         Ok(slot as u32)
     }

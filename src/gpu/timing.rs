@@ -8,19 +8,25 @@ use std::sync::atomic::{AtomicU8, Ordering};
 /// Most passes of one frame that are timed: deform, shadow, and eight views.
 const MOST_PASSES: usize = 10;
 /// Frames under way at once.
-const FRAMES: usize = 4;
+pub const FRAMES: usize = 4;
 
 /// Milliseconds of each pass of a frame, in the order of the passes; several of one name where there are several views.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct GpuTimes {
     passes: [(&'static str, f64); MOST_PASSES],
     len: usize,
+    frame: u64,
 }
 
 impl GpuTimes {
     /// Names and milliseconds.
     pub fn passes(&self) -> &[(&'static str, f64)] {
         &self.passes[..self.len]
+    }
+
+    /// Which of the frames that were timed, from 1.
+    pub fn frame(&self) -> u64 {
+        self.frame
     }
 
     /// Sum of all passes, milliseconds.
@@ -169,7 +175,7 @@ impl Timer {
     fn collect(&mut self) {
         let mut newest = 0;
         for frame in self.frames.iter().filter(|f| f.state.load(Ordering::Acquire) == READY) {
-            let mut times = GpuTimes::default();
+            let mut times = GpuTimes { frame: frame.number, ..GpuTimes::default() };
             if let Ok(data) = frame.buffer.get_mapped_range(..) {
                 let ticks = |at: usize| data[8 * at..8 * at + 8].try_into().map_or(0, u64::from_le_bytes);
                 for pass in 0..frame.len {

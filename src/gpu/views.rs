@@ -176,13 +176,14 @@ pub struct Resolution {
     floor: f64,
     scale: f64,
     calm: u32,
+    settling: u32,
 }
 
 impl Resolution {
     /// At full size; never below `floor` (0 to 1) of it along each side.
     pub fn new(floor: f64) -> Self {
         let floor = if floor.is_finite() { floor.clamp(0.1, 1.0) } else { 1.0 };
-        Self { floor, scale: 1.0, calm: 0 }
+        Self { floor, scale: 1.0, calm: 0, settling: 0 }
     }
 
     /// Share of the full width and height.
@@ -191,14 +192,20 @@ impl Resolution {
     }
 
     /// Takes the time a frame took on the GPU and the time there is. Pixels go with the square of the scale: above 90 % of the
-    /// budget it falls at once to where 80 % are expected, below 65 % it rises by 4 % after half a second's frames.
+    /// budget it falls at once to where 80 % are expected, below 65 % it rises by 4 % after half a second's frames. The frames that
+    /// were under way when it fell tell of what was, and are left out.
     pub fn frame(&mut self, gpu_ms: f64, budget_ms: f64) {
         let load = gpu_ms / budget_ms;
         if !load.is_finite() || load <= 0.0 {
             return;
         }
+        if self.settling > 0 {
+            self.settling -= 1;
+            return;
+        }
         if load > 0.9 {
             self.calm = 0;
+            self.settling = super::timing::FRAMES as u32;
             self.scale = (self.scale * (0.8 / load).sqrt().max(0.7)).max(self.floor);
         } else if load < 0.65 {
             self.calm += 1;
@@ -301,6 +308,11 @@ mod tests {
         assert!(resolution.scale() < 0.83 && resolution.scale() > 0.8);
         let (x, y) = resolution.viewport((1000, 500));
         assert!(x < 1000 && y < 500 && x % 8 == 0);
+        let fallen = resolution.scale();
+        for _ in 0..crate::gpu::timing::FRAMES {
+            resolution.frame(30.0, 10.0);
+        }
+        assert_eq!(resolution.scale(), fallen, "frames that were under way say nothing of the smaller picture");
         for _ in 0..20 {
             resolution.frame(30.0, 10.0);
         }

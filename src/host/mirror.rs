@@ -110,10 +110,13 @@ impl Mirror {
     /// Times the passes on the GPU from now on, or no longer. What those of a frame took, a few frames ago; empty where nobody asked
     /// or the adapter cannot tell.
     pub fn time_passes(&mut self, on: bool) -> Stages {
+        if self.renderer.set_timing(on) { self.gpu_stages() } else { Stages::default() }
+    }
+
+    /// What the passes took of the latest frame whose times have come back; empty while they are not timed.
+    pub fn gpu_stages(&mut self) -> Stages {
         let mut stages = Stages::default();
-        if self.renderer.set_timing(on)
-            && let Some(times) = self.renderer.gpu_times()
-        {
+        if let Some(times) = self.renderer.gpu_times() {
             times.passes().iter().for_each(|&(name, ms)| stages.add(name, ms));
         }
         stages
@@ -183,5 +186,57 @@ fn material_view(material: &Material) -> MaterialView<'_> {
         // A picture on the surface is skin or fur: drier and less translucent than bare flesh.
         _ if texture.is_some() => MaterialView { wetness: 0.25, scatter: 0.4, ..view },
         _ => view,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::app::App;
+    use crate::config::Config;
+    use crate::geometry::Plane;
+    use crate::gpu::ContextOptions;
+    use crate::gpu::context::device_descriptor;
+    use crate::physics::NetworkSettings;
+    use crate::scene::{EditCommand, SceneSettings};
+    use crate::tissue::TissueSettings;
+    use glam::DVec3;
+
+    /// A device whose buffers are small: a few pieces are too many.
+    fn narrow() -> Arc<Context> {
+        let wide = Context::headless(ContextOptions::default()).expect("an adapter");
+        let mut descriptor = device_descriptor(wide.adapter()).expect("limits");
+        let bytes = 1 << 19;
+        (descriptor.required_limits.max_storage_buffer_binding_size, descriptor.required_limits.max_buffer_size) = (bytes, bytes);
+        let (device, queue) = pollster::block_on(wide.adapter().request_device(&descriptor)).expect("a device");
+        Arc::new(Context::from_parts(wide.instance().clone(), wide.adapter().clone(), device, queue))
+    }
+
+    #[test]
+    fn a_scene_that_outgrew_the_device_is_shown_again_once_the_edit_is_undone() {
+        let model = crate::formats::load("sphere").expect("bundled");
+        let settings =
+            TissueSettings { particles: None, network: NetworkSettings::SOFT, opening_s: 0.5, section_faces: 128, fade_s: 0.25 };
+        let tissue = Tissue::new(model, &settings).expect("a tissue");
+        let radius = 0.5 * tissue.diagonal() / 3f64.sqrt();
+        let tools = SceneSettings { sampling: Config::default().sampling, sample_distance: None, sample_time: None };
+        let mut app = App::new(Scene::new(tissue, tools), 1.0, || 0);
+        let mut mirror = Mirror::new(narrow());
+        mirror.sync(&app.view()).expect("one sphere fits");
+        let refused = (1..60).find_map(|i| {
+            let angle = f64::from(i) * 2.4;
+            let normal = DVec3::new(angle.cos(), angle.sin(), (0.7 * angle).sin());
+            let offset = radius * normal.length() * 0.1 * f64::from(i % 7 - 3);
+            app.scene.edit(EditCommand::CutClosed(Plane::Equation { normal, offset }));
+            let changes = app.scene.take_changes();
+            mirror.sync(&FrameView { changes: &changes, ..app.view() }).err()
+        });
+        assert!(refused.as_ref().is_some_and(GpuError::is_outgrown), "{refused:?}");
+        assert!(app.scene.take_back() && app.scene.undo_depth() > 0);
+        app.scene.take_changes();
+        mirror.forget();
+        mirror.sync(&app.view()).expect("it fitted before");
+        mirror.renderer_mut().deform().expect("drawn on");
+        assert!(mirror.gpu_error(&app.scene).expect("read back") < 1e-6);
     }
 }

@@ -344,6 +344,16 @@ fn timing(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
             ui.small(format!("{ms:.3} ms"));
             ui.end_row();
         }
+        for &(name, ms) in state.gpu_stages.rows() {
+            ui.small(format!("{name}, GPU"));
+            ui.small(format!("{ms:.3} ms"));
+            ui.end_row();
+        }
+        for &(name, count) in state.counters.iter().filter(|_| state.in_room && state.counters_shown) {
+            ui.small(name);
+            ui.small(count.to_string());
+            ui.end_row();
+        }
     });
     if !state.table.is_empty() {
         ui.separator();
@@ -362,7 +372,8 @@ fn timing(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         });
     }
     let hint = "Counters, stages on the CPU and passes on the GPU, over the picture (F3)";
-    ui.checkbox(&mut state.counters_shown, "Counters over the picture").on_hover_text(hint);
+    let words = if state.in_room { "Counters" } else { "Counters over the picture" };
+    ui.checkbox(&mut state.counters_shown, words).on_hover_text(hint);
     let mut vsync = state.vsync;
     if !state.in_room && ui.checkbox(&mut vsync, "Wait for the display").on_hover_text("Vertical synchronisation").changed() {
         actions.push(PanelAction::Vsync(vsync));

@@ -58,6 +58,13 @@ impl Scene {
         true
     }
 
+    /// Ends a stroke in progress and takes back the newest unit: for a scene that has outgrown what shows it. False if there is
+    /// nothing to take back.
+    pub fn take_back(&mut self) -> bool {
+        self.edit(super::EditCommand::StrokeEnd);
+        self.undo()
+    }
+
     /// Undoes every unit: the model as it was loaded. What was undone can be redone. False if
     /// there was nothing to undo.
     pub fn reset(&mut self) -> bool {

@@ -30,6 +30,8 @@ pub struct Led {
     pub high: DVec3,
     /// How far the head looks down, radians.
     pub pitch: f32,
+    /// What the GPU is to have taken for a frame, milliseconds; 0 leaves the pictures whole.
+    pub gpu_ms: f64,
     hands: [Controller; 2],
     frames: usize,
 }
@@ -60,6 +62,7 @@ impl Led {
             low: DVec3::ZERO,
             high: DVec3::ZERO,
             pitch: 0.0,
+            gpu_ms: 0.0,
             hands: [away; 2],
             frames: 0,
         };
@@ -113,7 +116,7 @@ impl Led {
         for Controller { position: [x, y, z], trigger, squeeze, .. } in hands {
             say += &format!(" {x} {y} {z} {trigger} {squeeze}");
         }
-        self.say(&format!("{say}{}", if capture { " capture" } else { "" }));
+        self.say(&format!("{say} gpu {}{}", self.gpu_ms, if capture { " capture" } else { "" }));
     }
 
     /// Presses the lower button of a hand for two frames and lets it go for two.

@@ -25,8 +25,8 @@ struct Run {
 const PULL: f32 = 0.5;
 const STROKE_FRAMES: usize = 40;
 
-/// Tears down the front with the right hand, pulls with the left, cuts in two with the right.
-fn operate(service: &Service, more: &[(&str, &str)]) -> Run {
+/// Tears down the front with the right hand, pulls with the left, cuts in two with the right; from then on the GPU takes `gpu_ms`.
+fn operate(service: &Service, more: &[(&str, &str)], gpu_ms: f64) -> Run {
     let mut led = Led::start(service, &["heart", "--animation", "none", "--out", "out"], more);
     let (low, high) = (led.low, led.high);
     let size = high - low;
@@ -69,6 +69,7 @@ fn operate(service: &Service, more: &[(&str, &str)]) -> Run {
     for _ in 0..8 {
         led.frame(false);
     }
+    led.gpu_ms = gpu_ms;
     // The panel, opened and closed again, and opened for the picture.
     led.press_b(1);
     led.press_b(1);
@@ -140,6 +141,18 @@ fn check_eyes(run: &Run, folder: &Path) {
     assert!(run.report["eyes"][1]["mean_difference"].as_f64().is_some_and(|d| d < 0.3));
 }
 
+/// What was drawn of the eyes' pictures in the end, a share of each side; and the GPU told what its passes took.
+fn check_resolution(report: &Value, share: f64) {
+    assert_eq!(report["least_resolution"].as_f64(), Some(share));
+    for side in 0..2 {
+        let (full, drawn) = (report["eye_size"][side].as_f64(), report["eyes"][0]["size"][side].as_f64());
+        let (full, drawn) = (full.expect("pixels"), drawn.expect("pixels"));
+        assert!((drawn - share * full).abs() <= 8.0, "{drawn} of {full} pixels");
+    }
+    let last = report["frames"].as_array().and_then(|f| f.last()).expect("frames");
+    assert!(last["gpu_ms"]["views"].as_f64() > Some(0.0), "{}", last["gpu_ms"]);
+}
+
 /// The mirror shows the middle of what the left eye sees.
 fn check_mirror(run: &Run, eye: &Screen) {
     assert!(run.report["mirrored"].as_u64() > Some(20), "{}", run.report["mirrored"]);
@@ -190,7 +203,9 @@ fn a_person_tears_pulls_and_cuts_and_every_run_is_the_same() {
             ("XR_CORE_VALIDATION_EXPORT_TYPE", "text"),
             ("XR_CORE_VALIDATION_FILE_NAME", xr_log.to_str().expect("a plain name")),
         ],
+        0.0,
     );
+    check_resolution(&validated.report, 1.0);
     check_surgery(&validated);
     check_eyes(&validated, &window.folder.join("out"));
     let eye = image::open(window.folder.join("out/eye-0.png")).expect("the left eye").to_rgb8();
@@ -198,8 +213,10 @@ fn a_person_tears_pulls_and_cuts_and_every_run_is_the_same() {
     check_validation(&validated.log, &std::fs::read_to_string(&xr_log).unwrap_or_default());
 
     let null = Service::start("null", Compositor::Null);
-    let again = operate(&null, &[]);
+    let again = operate(&null, &[], 500.0);
     check_surgery(&again);
+    check_eyes(&again, &null.folder.join("out"));
+    check_resolution(&again.report, 0.6);
     for hash in ["edit_hash", "state_hash"] {
         assert_eq!(validated.report[hash], again.report[hash], "two runs, one {hash}");
     }

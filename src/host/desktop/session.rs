@@ -4,7 +4,7 @@
 use super::record::{FrameNote, Inserted, StrokeNote, inserted_vertices};
 use super::{Loaded, Request, Setup};
 use crate::app::{App, FrameReport};
-use crate::gpu::{Bounds, Camera};
+use crate::gpu::{Bounds, Camera, GpuError};
 use crate::host::headless::visible_bounds;
 use crate::host::models::{self, Arrival, Loader, Wake};
 use crate::input::tools::{OrbitCamera, PointerTools, Preview, ToolSettings};
@@ -163,6 +163,19 @@ impl Session {
     pub fn command(&mut self, command: EditCommand) {
         self.with_tools(|tools, _, _, out| tools.cancel(out));
         self.input.commands.push(command);
+    }
+
+    /// The adapter cannot show the scene: what made it so is undone, or, if it was so from the start, a small model is opened.
+    pub fn does_not_fit(&mut self, why: &GpuError, size: [f64; 2]) {
+        self.scene_changed = true;
+        self.with_tools(|tools, _, _, out| tools.cancel(out));
+        if why.is_outgrown() && self.app.scene.take_back() {
+            self.panel.fail(format!("{why}. The last edit is undone"));
+            self.count();
+        } else {
+            self.panel.fail(why.to_string());
+            self.act(PanelAction::Open("beam".into()), size);
+        }
     }
 
     /// True if a frame would show something new.

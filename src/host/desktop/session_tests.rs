@@ -2,8 +2,10 @@
 
 use super::*;
 use crate::config::Config;
+use crate::geometry::Plane;
 use crate::physics::NetworkSettings;
 use crate::scene::{Scene, SceneSettings};
+use crate::surgery::BladePose;
 use crate::tissue::{Tissue, TissueSettings};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -123,4 +125,34 @@ fn saved_settings_keep_the_files_words_and_a_broken_file_is_left_alone() {
     session.act(PanelAction::SaveConfig, SIZE);
     assert!(session.panel.notice.as_ref().is_some_and(|n| n.error && n.text.contains("not saved")));
     assert_eq!(std::fs::read_to_string(&file).expect("there"), "[tear\n");
+}
+
+#[test]
+fn an_edit_that_outgrows_the_adapter_is_undone_and_a_model_that_does_gives_way() {
+    let (mut session, asked) = session(Path::new("unused"));
+    let full = GpuError::TooManyTissues { most: 1 };
+    let whole = session.app.scene.edit_hash();
+    let cut = EditCommand::Cut(Plane::Equation { normal: DVec3::X, offset: 0.0 });
+    for in_progress in [false, true] {
+        if in_progress {
+            session.app.scene.edit(EditCommand::StrokeBegin { width: 0.01 });
+            for i in 0..20 {
+                let (t, y) = (f64::from(i) * 0.05, 0.1 - 0.01 * f64::from(i));
+                let pose = BladePose { t, tip: DVec3::new(0.0, y, 0.0), base: DVec3::new(0.0, y, 1.0) };
+                session.app.scene.edit(EditCommand::StrokePose(pose));
+            }
+        } else {
+            session.app.scene.edit(cut.clone());
+        }
+        assert_ne!(session.app.scene.edit_hash(), whole);
+        session.scene_changed = false;
+        session.does_not_fit(&full, SIZE);
+        assert_eq!((session.app.scene.edit_hash(), session.scene_changed), (whole, true));
+        let notice = session.panel.notice.take().expect("told");
+        assert!(notice.error && notice.text.contains("undone"), "{}", notice.text);
+    }
+    assert!(asked.lock().expect("one thread").is_empty(), "the model stays");
+    session.does_not_fit(&full, SIZE);
+    settle(&mut session);
+    assert_eq!(session.panel.model, "beam");
 }

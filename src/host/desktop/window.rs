@@ -512,11 +512,7 @@ impl Live {
                 (self.panel, self.events) = panel_on(&self.window, &self.screen, &self.window, repaint);
                 self.session.touch();
             }
-            Err(why) => {
-                // a model that does not fit: say so, and go back to one that does
-                self.session.panel.fail(why.to_string());
-                self.session.act(PanelAction::Open("beam".into()), self.size());
-            }
+            Err(why) => self.session.does_not_fit(&why, self.size()),
         }
         self.repaint_in(ui.repaint_after);
         Ok(())

@@ -7,6 +7,18 @@ const DEFAULT_PERIOD_S: f64 = 1.0 / 90.0;
 /// After a pause the scene goes on where it was, and does not leap. Seconds.
 const LONGEST_STEP_S: f64 = 0.1;
 
+/// Seconds of a predicted period, if it is one that a headset can have.
+fn sane_period(period_ns: i64) -> Option<f64> {
+    Some(period_ns as f64 * 1e-9).filter(|period| PERIODS.contains(period))
+}
+
+/// Milliseconds that the GPU has for a frame: as long as a picture is shown. The rate that was agreed upon counts more than what is
+/// predicted, since a runtime may predict every other picture only once we are late.
+pub fn budget_ms(refresh_hz: Option<f32>, period_ns: i64) -> f64 {
+    let agreed = refresh_hz.map(|hz| 1.0 / f64::from(hz)).filter(|period| PERIODS.contains(period));
+    1e3 * agreed.or(sane_period(period_ns)).unwrap_or(DEFAULT_PERIOD_S)
+}
+
 /// Turns predicted display times into steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct StepClock {
@@ -18,10 +30,9 @@ impl StepClock {
     /// Seconds from the last frame's display to this one's. The first frame, one after [`StepClock::pause`], and one whose
     /// time does not advance take the predicted period; a period that no headset has is replaced and counted.
     pub fn step(&mut self, display_ns: i64, period_ns: i64) -> f64 {
-        let period = period_ns as f64 * 1e-9;
-        let sane = PERIODS.contains(&period);
-        self.nonsense += u64::from(!sane);
-        let period = if sane { period } else { DEFAULT_PERIOD_S };
+        let sane = sane_period(period_ns);
+        self.nonsense += u64::from(sane.is_none());
+        let period = sane.unwrap_or(DEFAULT_PERIOD_S);
         let since = self.last_display_ns.replace(display_ns).map(|last| display_ns.saturating_sub(last) as f64 * 1e-9);
         match since {
             Some(step) if step > 0.0 => step.min(LONGEST_STEP_S),
@@ -52,6 +63,15 @@ mod tests {
         assert!((clock.step(1_000, PERIOD) - 1.0 / 90.0).abs() < 1e-9);
         assert!((clock.step(1_000 + 2 * PERIOD, PERIOD) - 2.0 / 90.0).abs() < 1e-9, "a dropped frame is two periods long");
         assert_eq!(clock.nonsense(), 0);
+    }
+
+    #[test]
+    fn the_gpu_has_as_long_as_a_picture_is_shown() {
+        assert!((budget_ms(Some(72.0), PERIOD) - 1e3 / 72.0).abs() < 1e-4);
+        assert!((budget_ms(None, PERIOD) - 11.1111).abs() < 1e-3);
+        for (hz, period) in [(Some(0.0), 0), (Some(f32::NAN), -1), (None, i64::MAX)] {
+            assert!((budget_ms(hz, period) - 1e3 / 90.0).abs() < 1e-9);
+        }
     }
 
     #[test]

@@ -3,12 +3,14 @@
 
 use super::VrError;
 use super::board::Board;
+use super::capture::Capture;
 use super::hands::Hands;
-use super::headset::{Capture, Headset};
+use super::headset::Headset;
 use super::input::HandsInput;
 use super::run::VrOptions;
 use super::space::{Placement, Pose};
 use crate::app::{App, FrameReport};
+use crate::diagnostics::Stages;
 use crate::formats::BUNDLED;
 use crate::host::headless::visible_bounds;
 use crate::host::models::{self, Arrival, Loaded, Loader, Request};
@@ -179,12 +181,13 @@ impl Desk {
     }
 
     /// Takes in what a frame did; nothing is done for a closed board.
-    pub fn note(&mut self, app: &App, report: &FrameReport) {
+    pub fn note(&mut self, app: &App, report: &FrameReport, gpu: Stages) {
         if !self.board.is_open() {
             return;
         }
         let state = &mut self.board.state;
         state.note_frame(report.stages, report.counters.rows());
+        state.gpu_stages = gpu;
         (state.undo_depth, state.redo_depth) = (app.scene.undo_depth(), app.scene.redo_depth());
         if let Some(edit) = report.edits.last() {
             let (kind, outcome, pieces) = (edit.kind, edit.outcome.as_str(), edit.pieces.len());

@@ -68,6 +68,11 @@ impl VrError {
     pub fn is_loss(&self) -> bool {
         matches!(self, Self::Lost(_) | Self::Gpu(GpuError::Lost(_)))
     }
+
+    /// True if the last edit made the scene more than the adapter can hold.
+    pub fn is_outgrown(&self) -> bool {
+        matches!(self, Self::Gpu(why) if why.is_outgrown())
+    }
 }
 
 /// Names the call that gave an answer. Answers that mean the runtime is gone become [`VrError::Lost`].
@@ -101,6 +106,8 @@ mod tests {
         let refused = Err::<(), R>(R::ERROR_VALIDATION_FAILURE).named("xrEndFrame").unwrap_err();
         assert!(VrError::from(GpuError::Lost("x".into())).is_loss());
         assert!(!VrError::from(GpuError::UnknownTissue(1)).is_loss());
+        let full = VrError::from(GpuError::TooManyTissues { most: 3 });
+        assert!(full.is_outgrown() && !full.is_loss() && !VrError::from(GpuError::UnknownTissue(1)).is_outgrown());
         assert!(!refused.is_loss() && refused.to_string().contains("xrEndFrame"));
     }
 

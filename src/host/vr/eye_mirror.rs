@@ -67,9 +67,9 @@ impl EyeMirror {
         self.frames
     }
 
-    /// Draws the left eye's image for the window, if that is ready, and leaves the image as the runtime wants it back. Errors:
+    /// Draws the left eye's image, of which the upper left pixels were drawn, for the window, if that is ready, and leaves the image as the runtime wants it back. Errors:
     /// this session cannot be mirrored.
-    pub fn draw(&mut self, images: &Images, index: usize) -> Result<(), String> {
+    pub fn draw(&mut self, images: &Images, index: usize, drawn: (u32, u32)) -> Result<(), String> {
         let Some(Ready { context, texture, format }) = self.window.ready()? else { return Ok(()) };
         let context = context.clone();
         if self.shown.as_ref().is_none_or(|s| s.format != format) {
@@ -86,7 +86,9 @@ impl EyeMirror {
             self.shown = Some(Shown { blit, sources, format });
         }
         let Some(Shown { blit, sources, .. }) = &mut self.shown else { return Ok(()) };
-        let part = middle_part(images.size(), (texture.width(), texture.height()), KEEP);
+        let share = [drawn.0 as f32 / images.size().0 as f32, drawn.1 as f32 / images.size().1 as f32];
+        let middle = middle_part(drawn, (texture.width(), texture.height()), KEEP);
+        let part = [middle[0] * share[0], middle[1] * share[1], middle[2] * share[0], middle[3] * share[1]];
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("mirror") });
         blit.encode(&context, &mut encoder, &sources[index], part, &view);
@@ -105,8 +107,8 @@ impl EyeMirror {
 }
 
 /// Draws one eye for the mirror, if there is one; a mirror that cannot be drawn is closed, and the headset goes on.
-pub fn reflect(mirror: &mut Option<EyeMirror>, images: &Images, index: usize) {
-    if let Some(Err(why)) = mirror.as_mut().map(|m| m.draw(images, index)) {
+pub fn reflect(mirror: &mut Option<EyeMirror>, images: &Images, index: usize, drawn: (u32, u32)) {
+    if let Some(Err(why)) = mirror.as_mut().map(|m| m.draw(images, index, drawn)) {
         tracing::warn!("no mirror of the headset: {why}");
         *mirror = None;
     }

@@ -1,8 +1,11 @@
 //! One session with one headset: what the runtime gave us, and how a frame gets to the eyes.
 
 use super::board::Board;
+use super::capture::{Capture, capture};
+use super::clock::budget_ms;
 use super::error::{Named, VrError};
 use super::eye_mirror::{EyeMirror, reflect};
+use super::fit::{Fit, GpuLoad};
 use super::input::{Input, located};
 use super::interop::{self, EyeDepth, Graphics};
 use super::lifecycle::{Lifecycle, Order};
@@ -12,7 +15,6 @@ use super::swapchain::Images;
 use crate::app::{FrameCounters, FrameTarget, FrameView};
 use crate::config::VrSettings;
 use crate::diagnostics::Stages;
-use crate::gpu::readback::read_texture;
 use crate::gpu::{
     Bounds, DrawOptions, Fov, Instrument, LineSegment, Passes, RenderTarget, Scenery, ViewPose, ViewSet, VisibilityMask,
 };
@@ -46,6 +48,8 @@ pub struct Headset {
     blend: xr::EnvironmentBlendMode,
     /// What the lenses hide of each eye; none if nothing, or if the runtime does not say.
     masks: Vec<VisibilityMask>,
+    /// How much of the pictures is drawn.
+    fit: Fit,
     events: xr::EventDataBuffer,
     /// Where the session stands.
     pub life: Lifecycle,
@@ -55,9 +59,10 @@ pub struct Headset {
     pub refresh_hz: Option<f32>,
 }
 
-/// The eyes of one frame, as they were located.
+/// The eyes of one frame, as they were located, and the pixels that were drawn.
 pub struct Shown {
     views: Vec<xr::View>,
+    part: (u32, u32),
 }
 
 impl Headset {
@@ -100,6 +105,7 @@ impl Headset {
             runtime,
             blend,
             masks: Vec::new(),
+            fit: Fit::new(settings.resolution_floor),
             events: xr::EventDataBuffer::new(),
             life: Lifecycle::default(),
             base_name,
@@ -107,6 +113,9 @@ impl Headset {
         };
         headset.load_masks();
         headset.compile()?;
+        if !headset.mirror.renderer_mut().set_timing(true) {
+            tracing::info!("this adapter tells no times, so pictures keep their size");
+        }
         Ok(headset)
     }
 
@@ -142,6 +151,11 @@ impl Headset {
     /// Width and height of an eye's picture, pixels.
     pub fn eye_size(&self) -> (u32, u32) {
         self.images.as_ref().map_or((0, 0), Images::size)
+    }
+
+    /// The smallest share of each side that was drawn because the GPU fell behind.
+    pub fn least_resolution(&self) -> f64 {
+        self.fit.least()
     }
 
     /// Where all tissues are, model space, as last drawn.
@@ -198,11 +212,7 @@ impl Headset {
         let (Some(shown), Some(images)) = (shown, &self.images) else {
             return self.stream.end(time, self.blend, &[]).named("xrEndFrame");
         };
-        let (width, height) = images.size();
-        let rect = xr::Rect2Di {
-            offset: xr::Offset2Di { x: 0, y: 0 },
-            extent: xr::Extent2Di { width: width as i32, height: height as i32 },
-        };
+        let rect = from_corner(shown.part);
         let swapchain = images.lock();
         let depths = self.depth.as_ref().map(Images::lock);
         let depths = depths.as_ref().map(|d| [0, 1].map(|layer| EyeDepth::new(d, layer, rect, NEAR as f32)));
@@ -220,11 +230,7 @@ impl Headset {
         let Some((picture, place, (wide, high))) = board.and_then(Board::shown) else {
             return self.stream.end(time, self.blend, &[&layer]).named("xrEndFrame");
         };
-        let (width, height) = picture.size();
-        let rect = xr::Rect2Di {
-            offset: xr::Offset2Di { x: 0, y: 0 },
-            extent: xr::Extent2Di { width: width as i32, height: height as i32 },
-        };
+        let rect = from_corner(picture.size());
         let quad_images = picture.lock();
         let quad = xr::CompositionLayerQuad::new()
             .space(&self.base)
@@ -291,6 +297,11 @@ impl Drop for Headset {
     }
 }
 
+/// The upper left pixels of an image.
+fn from_corner((width, height): (u32, u32)) -> xr::Rect2Di {
+    xr::Rect2Di { offset: xr::Offset2Di { x: 0, y: 0 }, extent: xr::Extent2Di { width: width as i32, height: height as i32 } }
+}
+
 /// The room: floor-level and centred on the user if there is such a space, else the play area, else centred at eye height.
 fn base_space(runtime: &Runtime, session: &xr::Session<xr::Vulkan>) -> Result<(xr::Space, &'static str), VrError> {
     let offered = session.enumerate_reference_spaces().named("its spaces")?;
@@ -330,25 +341,18 @@ fn ask_for_rate(runtime: &Runtime, session: &xr::Session<xr::Vulkan>, wanted: f6
     session.get_display_refresh_rate().ok()
 }
 
-/// What both eyes see of one frame.
-#[derive(Clone, Debug)]
-pub struct Capture {
-    /// RGBA8, sRGB, rows from the top: left, right.
-    pub eyes: Vec<Vec<u8>>,
-    /// Width and height.
-    pub size: (u32, u32),
-    /// The eyes' views, model space.
-    pub views: Vec<ViewPose>,
-    /// What the lenses hide of them.
-    pub masks: Vec<VisibilityMask>,
-}
-
 /// Brings a frame to the eyes.
 pub struct EyeTarget<'a> {
     /// The session.
     pub headset: &'a mut Headset,
+    /// What the GPU's passes took, a few frames ago.
+    pub gpu: Stages,
     /// When the frame is seen.
     pub time: xr::Time,
+    /// How long its picture is shown, as the runtime predicts.
+    pub period: xr::Duration,
+    /// What the GPU's load is taken from.
+    pub load: GpuLoad,
     /// False where the runtime wants no picture.
     pub render: bool,
     /// Where the model stands.
@@ -407,9 +411,11 @@ impl EyeTarget<'_> {
         };
         let instruments = self.instruments;
         let options = DrawOptions { lines, instruments, scenery: scenery(view.scene), ..DrawOptions::default() };
-        let Headset { mirror, images, depth, graphics, masks, .. } = &mut *self.headset;
+        let Headset { mirror, images, depth, graphics, masks, fit, refresh_hz, .. } = &mut *self.headset;
         let Some(images) = images else { return Ok(elsewhere) };
         let context = graphics.context.clone();
+        let times = mirror.renderer_mut().gpu_times();
+        let part = fit.frame(self.load, times, budget_ms(*refresh_hz, self.period.as_nanos()), images.size());
         let start = Instant::now();
         let index = images.acquire()?;
         let depth = match depth {
@@ -419,7 +425,7 @@ impl EyeTarget<'_> {
         elsewhere.image_s = start.elapsed().as_secs_f64();
         let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("eyes") });
         let set = ViewSet { views: &poses, masked: !masks.is_empty() };
-        let target = RenderTarget { depth, ..RenderTarget::new(images.target(index)) };
+        let target = RenderTarget { depth, viewport: Some(part), ..RenderTarget::new(images.target(index)) };
         if let Err(error) = mirror.renderer_mut().encode(&mut encoder, &set, &target, &options) {
             self.headset.release()?;
             return Err(error.into());
@@ -435,14 +441,14 @@ impl EyeTarget<'_> {
         context.queue().submit([commands]);
         elsewhere.submit_s = start.elapsed().as_secs_f64();
         if self.capture {
-            self.captured = Some(Capture { masks: masks.clone(), ..capture(&context, images, index, &poses)? });
+            self.captured = Some(capture(&context, images, index, part, &poses, masks)?);
         }
-        reflect(self.mirror, images, index);
+        reflect(self.mirror, images, index, part);
         let start = Instant::now();
         self.headset.release()?;
         elsewhere.submit_s += start.elapsed().as_secs_f64();
         context.check()?;
-        self.shown = Some(Shown { views });
+        self.shown = Some(Shown { views, part });
         Ok(elsewhere)
     }
 }
@@ -470,6 +476,7 @@ impl FrameTarget for EyeTarget<'_> {
             stages.add("draw", 1e3 * (start.elapsed().as_secs_f64() - image_s - submit_s));
             stages.add("image", 1e3 * image_s);
             stages.add("submit", 1e3 * submit_s);
+            self.gpu = self.headset.mirror.gpu_stages();
         }
         self.headset.mirror.count(counters);
         Ok(())
@@ -480,16 +487,4 @@ impl FrameTarget for EyeTarget<'_> {
 pub fn scenery(scene: &crate::scene::Scene) -> Scenery {
     let (min, max) = scene.ground_bounds();
     Scenery { ground: Some(Bounds { min, max }), ..Scenery::default() }
-}
-
-fn capture(context: &crate::gpu::Context, images: &Images, index: usize, views: &[ViewPose; 2]) -> Result<Capture, VrError> {
-    let texture = images.texture(index);
-    let mut eyes = vec![read_texture(context, texture, 0)?, read_texture(context, texture, 1)?];
-    if matches!(images.format(), wgpu::TextureFormat::Bgra8Unorm | wgpu::TextureFormat::Bgra8UnormSrgb) {
-        eyes.iter_mut().flat_map(|eye| eye.as_chunks_mut::<4>().0).for_each(|pixel| pixel.swap(0, 2));
-    }
-    let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("give back") });
-    images.give_back(index, &mut encoder);
-    context.queue().submit([encoder.finish()]);
-    Ok(Capture { eyes, size: images.size(), views: views.to_vec(), masks: Vec::new() })
 }

@@ -6,7 +6,7 @@
 //! |---|---|---|
 //! | program | `ready {json}` | the session has focus; where the model stands |
 //! | program | `frame N` | frame N waits for its input |
-//! | driver | `expect` and 10 numbers, maybe `capture` | left hand x y z trigger squeeze, right hand the same; keep this frame's pictures |
+//! | driver | `expect` and 10 numbers, maybe `gpu` and one more, maybe `capture` | left hand x y z trigger squeeze, right hand the same; milliseconds that the GPU is to have taken; keep this frame's pictures |
 //! | driver | `pass` | nothing moves in this frame: it is for what the runtime has to say |
 //! | driver | `quit` | leave |
 
@@ -23,12 +23,21 @@ const PATIENCE: Duration = Duration::from_secs(600);
 /// What the driver has sent to the runtime.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Expected {
-    /// These hands; true to keep the frame's pictures.
-    Hands([Wanted; 2], bool),
+    /// These hands.
+    Hands([Wanted; 2], Asked),
     /// None: the frame is shown as it is.
     Pass,
     /// The run is over.
     Quit,
+}
+
+/// What the driver wants of a frame besides.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Asked {
+    /// Keep the frame's pictures.
+    pub capture: bool,
+    /// What the GPU is to have taken for a frame, milliseconds; 0 if nothing is said.
+    pub gpu_ms: f64,
 }
 
 /// One hand, as sent: bit for bit.
@@ -113,11 +122,17 @@ fn parse(line: &str) -> Option<Expected> {
             let mut hand =
                 || Some(Wanted { position: [number()?, number()?, number()?], trigger: number()?, squeeze: number()? });
             let hands = [hand()?, hand()?];
-            match words.next() {
-                None => Some(Expected::Hands(hands, false)),
-                Some("capture") => Some(Expected::Hands(hands, true)),
-                Some(_) => None,
+            let mut asked = Asked::default();
+            let mut word = words.next();
+            if word == Some("gpu") {
+                asked.gpu_ms = words.next()?.parse().ok().filter(|ms: &f64| ms.is_finite() && *ms >= 0.0)?;
+                word = words.next();
             }
+            if word == Some("capture") {
+                asked.capture = true;
+                word = words.next();
+            }
+            word.is_none().then_some(Expected::Hands(hands, asked))
         }
         _ => None,
     }
@@ -132,10 +147,11 @@ mod tests {
     fn lines_of_the_driver_are_read() {
         assert_eq!(parse("quit\n"), Some(Expected::Quit));
         assert_eq!(parse("pass\n"), Some(Expected::Pass));
-        let Some(Expected::Hands(hands, capture)) = parse("expect 1 2 3 0.5 0 4 5 6 1 0.25 capture\n") else {
+        let Some(Expected::Hands(hands, asked)) = parse("expect 1 2 3 0.5 0 4 5 6 1 0.25 gpu 20.5 capture\n") else {
             panic!("not read")
         };
-        assert!(capture && hands[0].trigger == 0.5 && hands[1].position == [4.0, 5.0, 6.0] && hands[1].squeeze == 0.25);
+        assert_eq!(asked, Asked { capture: true, gpu_ms: 20.5 });
+        assert!(hands[0].trigger == 0.5 && hands[1].position == [4.0, 5.0, 6.0] && hands[1].squeeze == 0.25);
         for bad in ["", "\n", "expect 1 2 3", "expect 1 2 3 0 0 1 2 x 0 0", "expect 1 2 3 0 0 1 2 3 0 0 more", "leave"] {
             assert_eq!(parse(bad), None, "{bad:?}");
         }

@@ -10,7 +10,8 @@
 //! | [`drawn`], [`calibrate`] | the tools as they are drawn; where their tips are |
 //! | [`space`] | where the model stands; scaling, turning, snap turns |
 //! | [`board`], [`desk`] | the panel on a board in the room; what it asks for is carried out |
-//! | [`eye_mirror`] | one eye in a window, for those who look on |
+//! | [`fit`] | how much of the pictures is drawn: as much as the GPU has time for |
+//! | `capture`, [`eye_mirror`] | pictures brought back; one eye in a window, for those who look on |
 //! | `headset` | one session: swapchain, spaces, a frame |
 //! | [`mod@run`] | the loop over frames and sessions |
 //! | [`lockstep`] | a test driver's hold on the loop |
@@ -18,11 +19,13 @@
 pub mod bindings;
 pub mod board;
 pub mod calibrate;
+mod capture;
 pub mod clock;
 pub mod desk;
 pub mod drawn;
 pub mod error;
 pub mod eye_mirror;
+pub mod fit;
 pub mod hands;
 pub mod haptics;
 mod headset;

@@ -2,17 +2,19 @@
 //!
 //! A frame: wait -> actions -> begin -> hands and head -> app (edits, step) -> late eyes, draw -> end.
 
+use super::capture::Capture;
 use super::clock::StepClock;
 use super::desk::{Desk, Work};
 use super::drawn;
 use super::error::VrError;
 use super::eye_mirror::EyeMirror;
+use super::fit::GpuLoad;
 use super::hands::{Around, Hands, HandsOutput};
 use super::haptics::Haptics;
-use super::headset::{Capture, EyeTarget, Headset};
+use super::headset::{EyeTarget, Headset};
 use super::input::HandsInput;
 use super::lifecycle::Order;
-use super::lockstep::{Expected, Lockstep, wait_until_seen};
+use super::lockstep::{Asked, Expected, Lockstep, wait_until_seen};
 use super::space::{Placement, Pose};
 use crate::app::{App, FrameCounters, FrameReport, FrameTarget};
 use crate::config::{Config, VrSettings};
@@ -27,7 +29,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-pub use super::headset::Capture as EyePictures;
+pub use super::capture::Capture as EyePictures;
 
 /// A step of a lockstep run: the clock of a runtime without a headset is the wall's, and no two runs would be alike.
 const LOCKSTEP_S: f64 = 1.0 / 90.0;
@@ -76,6 +78,8 @@ pub struct VrOutcome {
     pub depth: bool,
     /// Width and height of an eye's picture.
     pub eye_size: (u32, u32),
+    /// The smallest share of each side that was drawn because the GPU fell behind; 0 before the first session.
+    pub least_resolution: f64,
     /// Frames that were drawn.
     pub drawn: u64,
     /// Frames that the runtime wanted no picture for.
@@ -110,6 +114,8 @@ pub struct FrameNote {
     /// The app's report. Besides the app's stages: `input` (hands and board); and what is none of our work, `image` (waiting for
     /// the compositor's image) and `submit` (driver and runtime take over what was encoded).
     pub report: FrameReport,
+    /// Milliseconds of the GPU's passes, of a few frames before; empty where the adapter does not tell.
+    pub gpu: Stages,
     /// Edit commands of the hands and the board.
     pub commands: usize,
     /// Heap allocations of ours: from the hands' poses to the notes of the upload.
@@ -132,6 +138,7 @@ pub fn run(app: &mut App, options: &VrOptions, outcome: &mut VrOutcome) -> Resul
         user.lockstep = Some(Lockstep::connect(address)?);
     }
     let mut headset = Headset::open(&options.config.vr)?;
+    let mut losses = Losses::default();
     if options.config.vr.mirror {
         user.mirror = EyeMirror::open();
     }
@@ -148,6 +155,9 @@ pub fn run(app: &mut App, options: &VrOptions, outcome: &mut VrOutcome) -> Resul
             Err(error) if error.is_loss() => error,
             Err(error) => return Err(error),
         };
+        if losses.one_more(outcome.drawn + outcome.undrawn) {
+            return Err(why);
+        }
         tracing::warn!("{why}; waiting for it to come back");
         if let Some(desk) = &mut user.desk {
             desk.board.end_session();
@@ -157,6 +167,31 @@ pub fn run(app: &mut App, options: &VrOptions, outcome: &mut VrOutcome) -> Resul
         outcome.recreated += 1;
     }
 }
+
+/// Sessions lost one after the other: if none of them lasts, the next will not either.
+#[derive(Debug, Default)]
+struct Losses {
+    in_a_row: u32,
+    /// Frames at the last loss.
+    frames: u64,
+}
+
+impl Losses {
+    /// A session was lost after so many frames of all sessions; true if it is time to give up.
+    fn one_more(&mut self, frames: u64) -> bool {
+        if frames.saturating_sub(self.frames) >= LASTING_FRAMES {
+            self.in_a_row = 0;
+        }
+        self.frames = frames;
+        self.in_a_row += 1;
+        self.in_a_row > MOST_LOSSES
+    }
+}
+
+/// A session of this many frames has lasted: about a second.
+const LASTING_FRAMES: u64 = 90;
+/// So many losses in a row are followed by another attempt.
+const MOST_LOSSES: u32 = 3;
 
 /// Tries for a while to open a session anew.
 fn reopen(settings: &VrSettings) -> Option<Headset> {
@@ -261,11 +296,11 @@ fn session(
             outcome.rested += u64::from(!user.leaving);
             continue;
         }
-        let capture = matches!(led, Led::Capture);
+        let asked = if let Led::Asked(asked) = led { asked } else { Asked::default() };
         let shown = if user.lockstep.is_some() && (matches!(led, Led::Pass) || !headset.life.listens()) {
             look_only(headset, app, user, &state)?
         } else {
-            frame(headset, app, user, &state, capture, options, outcome)?
+            frame(headset, app, user, &state, asked, options, outcome)?
         };
         headset.end(&state, shown.as_ref(), user.desk.as_ref().map(|d| &d.board).filter(|b| b.is_open()))?;
         if let Some(mirror) = &mut user.mirror {
@@ -273,6 +308,7 @@ fn session(
         }
         *(if shown.is_some() { &mut outcome.drawn } else { &mut outcome.undrawn }) += 1;
         outcome.nonsense_periods = user.clock.nonsense();
+        outcome.least_resolution = headset.least_resolution();
         let enough = options.frames.is_some_and(|most| outcome.drawn + outcome.undrawn >= most);
         let closed = user.mirror.as_ref().is_some_and(EyeMirror::is_closed);
         if (enough || closed) && !user.leaving {
@@ -303,7 +339,7 @@ fn describe(headset: &Headset, outcome: &mut VrOutcome) {
 /// What the test driver wants of a frame.
 enum Led {
     Free,
-    Capture,
+    Asked(Asked),
     Pass,
     Quit,
 }
@@ -318,9 +354,9 @@ fn led(headset: &Headset, app: &App, user: &mut User, state: &openxr::FrameState
     match lockstep.input()? {
         Expected::Quit => Ok(Led::Quit),
         Expected::Pass => Ok(Led::Pass),
-        Expected::Hands(wanted, capture) => {
+        Expected::Hands(wanted, asked) => {
             wait_until_seen(&wanted, || headset.look_at_hands(state.predicted_display_time))?;
-            Ok(if capture { Led::Capture } else { Led::Free })
+            Ok(Led::Asked(asked))
         }
     }
 }
@@ -335,6 +371,7 @@ fn look_only(
     let (low, high) = visible_bounds(app);
     let placement = user.hands.as_ref().map_or_else(|| Placement::within_reach(low, high, &STANDING), |h| *h.placement());
     let mut target = eye_target(headset, state, placement, (&[], &[]), &mut user.mirror);
+    target.load = GpuLoad::Told(0.0);
     target.present(&app.view(), &mut Stages::default(), &mut FrameCounters::default())?;
     Ok(target.shown)
 }
@@ -348,7 +385,10 @@ fn eye_target<'a>(
 ) -> EyeTarget<'a> {
     EyeTarget {
         headset,
+        gpu: Stages::default(),
         time: state.predicted_display_time,
+        period: state.predicted_display_period,
+        load: GpuLoad::Measured,
         render: state.should_render,
         placement,
         instruments,
@@ -369,7 +409,7 @@ fn frame(
     app: &mut App,
     user: &mut User,
     state: &openxr::FrameState,
-    capture: bool,
+    asked: Asked,
     options: &VrOptions,
     outcome: &mut VrOutcome,
 ) -> Result<Option<super::headset::Shown>, VrError> {
@@ -433,22 +473,29 @@ fn frame(
             _ => None,
         }));
     }
-    let asked = desk.wants_picture();
+    let wanted = desk.wants_picture();
     let mut target = eye_target(headset, state, placement, (&user.instruments, &user.lines), &mut user.mirror);
-    target.capture = capture || asked;
+    target.capture = asked.capture || wanted;
+    if user.lockstep.is_some() {
+        target.load = GpuLoad::Told(asked.gpu_ms);
+    }
     target.allocations = options.allocations;
-    let mut report = app.frame(&user.frame, &mut target)?;
-    let EyeTarget { shown, captured, changes, allocated, .. } = target;
+    let presented = app.frame(&user.frame, &mut target);
+    let EyeTarget { shown, captured, changes, allocated, gpu, .. } = target;
+    let mut report = match presented {
+        Err(why) if why.is_outgrown() && take_back(headset, app, user, &why, outcome) => return Ok(None),
+        presented => presented?,
+    };
     allocations += report.counters.allocations + allocated;
     report.stages.add("input", 1e3 * input_s);
     feel(headset, user, &report, changes, outcome)?;
     if let Some(desk) = &mut user.desk {
-        desk.note(app, &report);
-        if let Some(pictures) = captured.as_ref().filter(|_| asked) {
+        desk.note(app, &report, gpu);
+        if let Some(pictures) = captured.as_ref().filter(|_| wanted) {
             desk.write_picture(pictures);
         }
     }
-    if let Some(pictures) = captured.filter(|_| capture) {
+    if let Some(pictures) = captured.filter(|_| asked.capture) {
         outcome.pictures = Some(pictures);
         outcome.instruments.clone_from(&user.instruments);
         outcome.lines.clone_from(&user.lines);
@@ -456,9 +503,20 @@ fn frame(
     if options.keep_reports {
         let layers = app.scene.tissues().filter_map(|(_, t)| t.layer());
         let displaced = layers.flat_map(|l| l.displacements()).map(|u| u.length()).fold(0.0, f64::max);
-        outcome.frames.push(FrameNote { report, commands: user.frame.commands.len(), allocations, displaced });
+        outcome.frames.push(FrameNote { report, gpu, commands: user.frame.commands.len(), allocations, displaced });
     }
     Ok(shown)
+}
+
+/// The last edit was too much for the adapter: it is undone, and the user goes on from there. False if there is none.
+fn take_back(headset: &mut Headset, app: &mut App, user: &mut User, why: &VrError, outcome: &mut VrOutcome) -> bool {
+    user.put_down(app, outcome);
+    headset.forget_scene();
+    let done = app.scene.take_back();
+    if let Some(desk) = user.desk.as_mut().filter(|_| done) {
+        desk.board.state.fail(format!("{why}. The last edit is undone"));
+    }
+    done
 }
 
 /// Lets the hands feel what the frame did.
@@ -481,3 +539,16 @@ fn feel(
 }
 
 const RAY: [f32; 4] = [0.9, 0.9, 0.5, 0.9];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sessions_that_do_not_last_are_given_up() {
+        let mut losses = Losses::default();
+        assert_eq!([10, 20, 20, 30].map(|frames| losses.one_more(frames)), [false, false, false, true]);
+        let mut lasting = Losses::default();
+        assert!((1..20).all(|i| !lasting.one_more(i * LASTING_FRAMES)));
+    }
+}
