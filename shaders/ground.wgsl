@@ -106,7 +106,56 @@ fn ruler(p: vec2f, radius: f32, pixel: f32) -> f32 {
     let tall = step(0.0, up) * step(up, 0.10 * radius) * tick(along, unit, line, pixel);
     let middle = step(0.0, up) * step(up, 0.065 * radius) * tick(along, 0.5 * unit, 0.7 * line, pixel);
     let small = step(0.0, up) * step(up, 0.04 * radius) * tick(along, 0.1 * unit, 0.5 * line, pixel);
-    return inside * max(max(base, tall), max(middle, small));
+    let exponent = i32(round(log(unit) / log(10.0)));
+    let dot_size = 0.011 * radius;
+    let corner = vec2f(-reach, 0.135 * radius);
+    var label = 0.0;
+    for (var i = 0; i < 4; i++) {
+        let shift = pixel * (vec2f(f32(i & 1), f32(i >> 1u)) - 0.5) * 0.7;
+        label += 0.25 * unit_label(vec2f(along, up) - corner + shift, exponent, dot_size);
+    }
+    return max(label, inside * max(max(base, tall), max(middle, small)));
+}
+
+// Dots of a glyph, five rows of five from the top left, highest bit first.
+const DIGIT_0: u32 = 0x0e8c62eu; // 01110 10001 10001 10001 01110
+const DIGIT_1: u32 = 0x046108eu; // 00100 01100 00100 00100 01110
+const LETTER_C: u32 = 0x007420eu; // 00000 01110 10000 10000 01110
+const LETTER_M: u32 = 0x00d56b5u; // 00000 11010 10101 10101 10101
+const POINT: u32 = 0x0000004u; // 00000 00000 00000 00000 00100
+
+// Glyphs of what one unit of the ruler measures, 10 to the power of `exponent` metres: three bits each, the first lowest. No
+// branch, since the exponent is the same for all pixels (see lamp_visibility).
+fn unit_name(exponent: i32) -> u32 {
+    var name = 0u;
+    name = select(name, 0x240a9u, exponent == -4); // 0.1 mm
+    name = select(name, 0x902u, exponent == -3); // 1 mm
+    name = select(name, 0x8c2u, exponent == -2); // 1 cm
+    name = select(name, 0x460au, exponent == -1); // 10 cm
+    name = select(name, 0x102u, exponent == 0); // 1 m
+    name = select(name, 0x80au, exponent == 1); // 10 m
+    name = select(name, 0x404au, exponent == 2); // 100 m
+    return name;
+}
+
+fn glyph(code: u32) -> u32 {
+    var dots = select(0u, DIGIT_0, code == 1u);
+    dots = select(dots, DIGIT_1, code == 2u);
+    dots = select(dots, LETTER_C, code == 3u);
+    dots = select(dots, LETTER_M, code == 4u);
+    return select(dots, POINT, code == 5u);
+}
+
+// Ink of the unit's name with its lower left corner at 0: metres, dots of side `dot_size`.
+fn unit_label(p: vec2f, exponent: i32, dot_size: f32) -> f32 {
+    let cell = floor(p / dot_size);
+    let row = 4 - i32(cell.y);
+    let column = i32(cell.x);
+    if (row < 0 || row > 4 || column < 0 || column >= 36 || column % 6 == 5) {
+        return 0.0;
+    }
+    let bits = glyph((unit_name(exponent) >> u32(3 * (column / 6))) & 7u);
+    return f32((bits >> u32(24 - 5 * row - column % 6)) & 1u);
 }
 
 @fragment

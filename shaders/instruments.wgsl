@@ -21,10 +21,7 @@ struct Part {
 @vertex
 fn tool_corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> Part {
     let corner = tools[index];
-    let open = vec3f(corner.position[0] + corner.opens * place.opening.x, corner.position[1], corner.position[2]);
-    let at_tool = vec4f(open, 1.0);
-    let world = place.world_from_tool;
-    let position = vec3f(dot(world[0], at_tool), dot(world[1], at_tool), dot(world[2], at_tool));
+    let position = tool_point(corner, place);
     let across = vec4f(corner.normal[0], corner.normal[1], corner.normal[2], 0.0);
     let turned = place.normal_from_tool;
     var out: Part;

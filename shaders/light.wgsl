@@ -44,7 +44,9 @@ fn lamp_visibility(position: vec3f, normal: vec3f) -> f32 {
     let p = position + normal * (frame.shadow.z * (0.6 + 2.0 * slope));
     let clip = frame.light_from_world * vec4f(p, 1.0);
     let uv = clip.xy * vec2f(0.5, -0.5) + 0.5;
-    if (any(uv < vec2f(0.0)) || any(uv > vec2f(1.0))) {
+    // The map covers a disc, and shadows fade out at its rim.
+    let rim = smoothstep(1.0, 0.93, length(clip.xy));
+    if (rim <= 0.0) {
         return 1.0;
     }
     let depth = clip.z + frame.shadow.y;
@@ -55,7 +57,7 @@ fn lamp_visibility(position: vec3f, normal: vec3f) -> f32 {
     sum += textureSampleCompareLevel(shadow_map, shadow_sampler, uv + step * vec2f(1.6, 0.6), depth);
     sum += textureSampleCompareLevel(shadow_map, shadow_sampler, uv + step * vec2f(-0.6, 1.6), depth);
     // No branch on a uniform: Mesa's software adapter compiles the shader anew for each draw that has one, and keeps them all.
-    return max(sum / 4.0, 1.0 - frame.shadow.w);
+    return max(mix(1.0, sum / 4.0, rim), 1.0 - frame.shadow.w);
 }
 
 // GGX with Smith's height-correlated visibility, times cos. Lights are given as the radiance that a white Lambertian

@@ -10,8 +10,9 @@ struct Spot {
     @location(2) @interpolate(flat, either) colour: vec4f,
 }
 
-// Lines hug the surface they annotate: drawn this much nearer, relative to their depth.
+// Lines hug the surface they annotate: drawn this much nearer, relative to their depth; those of negative width more.
 const LIFT: f32 = 1.002;
+const LIFT_OVER: f32 = 1.035;
 
 @vertex
 fn capsule(@builtin(vertex_index) vertex: u32, @builtin(view_index) view: u32) -> Spot {
@@ -36,14 +37,14 @@ fn capsule(@builtin(vertex_index) vertex: u32, @builtin(view_index) view: u32) -
     let pixel_b = b.xy / b.w * to_pixels;
     let length_px = distance(pixel_a, pixel_b);
     let along = select(vec2f(1.0, 0.0), (pixel_b - pixel_a) / max(length_px, 1e-6), length_px > 1e-3);
-    let half_width = 0.5 * line.width;
+    let half_width = 0.5 * abs(line.width);
     let reach = half_width + 1.0; // room for the soft edge
     let end = (index & 1u) == 1u;
     let side = select(-1.0, 1.0, (index & 2u) == 2u);
     let centre = select(a, b, end);
     let offset = along * select(-reach, reach, end) + vec2f(-along.y, along.x) * side * reach;
     out.clip = centre + vec4f(offset / to_pixels * centre.w, 0.0, 0.0);
-    out.clip.z *= LIFT;
+    out.clip.z *= select(LIFT, LIFT_OVER, line.width < 0.0);
     out.across = vec2f(select(-reach, length_px + reach, end), side * reach);
     out.shape = vec2f(length_px, half_width);
     out.colour = unpack4x8unorm(line.colour);

@@ -111,7 +111,7 @@ struct Frame {
 // A coloured segment of the inspection layers; a point where both ends are the same.
 struct Line {
     a: array<f32, 3>,
-    width: f32, // pixels
+    width: f32, // pixels; negative for one that shows through what lies a little in front of it
     b: array<f32, 3>,
     colour: u32, // RGBA8, linear, red lowest
 }
@@ -130,6 +130,12 @@ struct ToolPlace {
     normal_from_tool: array<vec4f, 3>, // rows: the cofactors of the above
     colour: vec4f,
     opening: vec4f, // metres that the tool is open, then nothing
+}
+
+// Where a corner of an instrument is, world space.
+fn tool_point(corner: ToolVertex, place: ToolPlace) -> vec3f {
+    let open = vec4f(corner.position[0] + corner.opens * place.opening.x, corner.position[1], corner.position[2], 1.0);
+    return vec3f(dot(place.world_from_tool[0], open), dot(place.world_from_tool[1], open), dot(place.world_from_tool[2], open));
 }
 
 // True where the target stores what it is given: then we apply the sRGB curve, else the hardware does.

@@ -159,6 +159,33 @@ fn beam() {
         })
         .collect();
     let mut commands = tear(0.003, &path);
-    commands.push(EditCommand::Cut(Plane::Equation { normal: DVec3::new(1.0, 0.15, 0.1), offset: 0.16 }));
+    commands.push(EditCommand::CutClosed(Plane::Equation { normal: DVec3::new(1.0, 0.15, 0.1), offset: 0.12 }));
     play(&mut app, &mut gallery, 60, commands, &[], "beam");
+    let end = app.scene.tissues().max_by(|a, b| a.1.bounds().1.x.total_cmp(&b.1.bounds().1.x)).expect("a piece").0;
+    let pose = RigidPose { translation: DVec3::new(0.045, -0.02, 0.0), rotation: DQuat::from_rotation_y(-0.35) };
+    app.scene.tissue_mut(end).expect("the piece").set_frame(pose);
+    play(&mut app, &mut gallery, 1, Vec::new(), &[], "beam");
+}
+
+#[test]
+#[ignore = "draws the documentation's pictures"]
+fn sphere() {
+    let camera = Camera { eye: DVec3::new(0.8, 1.5, 2.4), target: DVec3::new(0.36, -0.14, 0.1), up: DVec3::Y, fov_y: 0.62 };
+    let mut gallery = Gallery { mirror: Mirror::new(context()), camera, instruments: Vec::new(), shot: None };
+    let mut app = app("sphere", None);
+    app.scene.set_wall(WallMode::Closed);
+    let path: Vec<([f64; 3], [f64; 3])> = (0..9)
+        .map(|k| {
+            let turn = 0.9 - 0.26 * f64::from(k);
+            let at = |r: f64| [r * turn.sin(), 0.05 * r * (1.0 - turn * turn), r * turn.cos()];
+            (at(0.34), at(0.9))
+        })
+        .collect();
+    let mut commands = tear(0.008, &path);
+    commands.push(EditCommand::CutClosed(Plane::Equation { normal: DVec3::new(0.25, 1.0, -0.1), offset: 0.25 }));
+    play(&mut app, &mut gallery, 30, commands, &[], "sphere");
+    let lid = app.scene.tissues().max_by(|a, b| a.1.bounds().1.y.total_cmp(&b.1.bounds().1.y)).expect("a piece").0;
+    let pose = RigidPose { translation: DVec3::new(0.98, -0.30, 0.15), rotation: DQuat::from_rotation_z(-2.3) };
+    app.scene.tissue_mut(lid).expect("the piece").set_frame(pose);
+    play(&mut app, &mut gallery, 1, Vec::new(), &[], "sphere");
 }

@@ -26,6 +26,16 @@ pub struct Material {
     pub double_sided: bool,
 }
 
+impl Material {
+    /// Base colour of what has no colour of its own: flesh.
+    pub const FLESH: [f32; 4] = [0.27, 0.058, 0.047, 1.0];
+
+    /// A material of which only the name is known.
+    pub fn named(name: &str) -> Self {
+        Self { name: name.into(), base_colour: Self::FLESH, ..Self::default() }
+    }
+}
+
 impl Default for Material {
     fn default() -> Self {
         Self { name: String::new(), base_colour: [1.0; 4], texture: None, double_sided: false }

@@ -11,7 +11,7 @@ pub(crate) fn read(text: &str, folder: &Path, warnings: &mut Vec<String>) -> Vec
         let line = line.trim();
         let (keyword, rest) = line.split_once(char::is_whitespace).unwrap_or((line, ""));
         if keyword == "newmtl" {
-            materials.push(Material { name: rest.trim().into(), ..Material::default() });
+            materials.push(Material::named(rest.trim()));
         }
         let Some(material) = materials.last_mut() else { continue };
         let numbers: Vec<f32> =
@@ -24,7 +24,12 @@ pub(crate) fn read(text: &str, folder: &Path, warnings: &mut Vec<String>) -> Vec
                 let name = texture_name(rest);
                 let picture = std::fs::read(folder.join(name)).map_err(|e| e.to_string()).and_then(|bytes| decode(&bytes));
                 match picture {
-                    Ok(texture) => material.texture = Some(Arc::new(texture)),
+                    Ok(texture) => {
+                        material.texture = Some(Arc::new(texture));
+                        if material.base_colour[..3] == Material::FLESH[..3] {
+                            material.base_colour[..3].fill(1.0); // no colour of its own: the picture's
+                        }
+                    }
                     Err(error) => warnings.push(format!("texture \"{name}\" is left out: {error}")),
                 }
             }
@@ -50,7 +55,7 @@ mod tests {
         let mut warnings = Vec::new();
         let found = read(text, Path::new("/nonexistent-folder"), &mut warnings);
         assert_eq!((found[0].name.as_str(), found[0].base_colour), ("a b", [0.5, 0.25, 0.0, 0.5]));
-        assert_eq!((found[1].base_colour, warnings.len()), ([1.0; 4], 1));
+        assert_eq!((found[1].base_colour, warnings.len()), (Material::FLESH, 1));
         assert!(warnings[0].contains("\"none.png\""));
     }
 }

@@ -182,7 +182,7 @@ impl Reader<'_> {
             Some(index) => self.material = index as u32,
             None => {
                 self.material = self.materials.len() as u32;
-                self.materials.push(Material { name: name.into(), ..Material::default() });
+                self.materials.push(Material::named(name));
                 self.unknown_materials.push(name.into());
             }
         }

@@ -99,6 +99,12 @@ impl Bounds {
         Self { min: self.min.min(other.min), max: self.max.max(other.max) }
     }
 
+    /// What this box and `other` share; this box where they share nothing.
+    pub fn within(self, other: &Self) -> Self {
+        let shared = Self { min: self.min.max(other.min), max: self.max.min(other.max) };
+        if shared.is_empty() { self } else { shared }
+    }
+
     /// The eight corners.
     pub fn corners(&self) -> [DVec3; 8] {
         std::array::from_fn(|i| {
@@ -113,15 +119,27 @@ pub const SHADOW_SIZE: u32 = 1024;
 const KEY_RADIANCE: f32 = 1.7;
 const HEADLAMP_RADIANCE: f32 = 0.4;
 
-/// The record of one call's views, each `size` pixels large. `rest` bounds the scene at rest (the tray lies under it and does
-/// not bob as the model moves), `posed` as it is now (the lamp's shadow map covers it). Errors: the scene's up is zero.
-pub fn frame_record(
-    views: &[ViewPose],
-    size: (u32, u32),
-    scenery: &Scenery,
-    rest: Bounds,
-    posed: Bounds,
-) -> Result<Frame, GpuError> {
+/// What the lamp shines on.
+#[derive(Clone, Copy, Debug)]
+pub struct Lit {
+    /// Bounds of the scene at rest: the tray lies under it and does not bob as the model moves.
+    pub rest: Bounds,
+    /// As it is now: the lamp's shadow map covers it, but for pieces that have fallen far away.
+    pub posed: Bounds,
+    /// Instruments throw shadows too.
+    pub instruments: bool,
+}
+
+/// The shadow map's radius, in radii of what is lit; its rim is where shadows fade out.
+const SHADOW_REACH: f64 = 1.08;
+/// The same with instruments, which are longer than what they work on.
+const SHADOW_REACH_WITH_INSTRUMENTS: f64 = 1.6;
+/// What lies farther from the middle than so many radii of the scene at rest is lit without shadows, so that those near stay sharp.
+const SHADOW_FARTHEST: f64 = 4.0;
+
+/// The record of one call's views, each `size` pixels large. Errors: the scene's up is zero.
+pub fn frame_record(views: &[ViewPose], size: (u32, u32), scenery: &Scenery, lit: &Lit) -> Result<Frame, GpuError> {
+    let Lit { rest, posed, instruments } = *lit;
     let up = scenery.up.try_normalize().ok_or(GpuError::BadCamera("the scene's up is zero"))?;
     let side = up.any_orthonormal_vector();
     let front = if up == DVec3::Y { DVec3::Z } else { up.cross(side) };
@@ -129,9 +147,11 @@ pub fn frame_record(
     let somewhere = views.first().map_or(DVec3::ZERO, |v| v.position + v.forward());
     let posed = if posed.is_empty() { Bounds { min: somewhere - 1e-3, max: somewhere + 1e-3 } } else { posed };
     let rest = if rest.is_empty() { posed } else { rest };
-    let (light_from_world, world_per_texel) = light_frame(lamp, up, posed);
     let radius = 0.5 * (rest.max - rest.min).length();
     let centre = 0.5 * (rest.min + rest.max);
+    let reach = if instruments { SHADOW_REACH_WITH_INSTRUMENTS } else { SHADOW_REACH };
+    let near = posed.within(&Bounds { min: centre - SHADOW_FARTHEST * radius, max: centre + SHADOW_FARTHEST * radius });
+    let (light_from_world, world_per_texel) = light_frame(lamp, up, near, reach);
     let lowest = rest.corners().iter().map(|c| c.dot(up)).fold(f64::INFINITY, f64::min) - 0.015 * radius;
     let tray_centre = centre + up * (lowest - centre.dot(up));
     // One headlamp between the eyes: a highlight that differed from eye to eye would not fuse.
@@ -151,10 +171,10 @@ pub fn frame_record(
     Ok(record)
 }
 
-/// Orthographic, around the sphere of `bounds`; depth 1 nearest the lamp. Second: metres a texel.
-fn light_frame(lamp: DVec3, up: DVec3, bounds: Bounds) -> (DMat4, f64) {
+/// Orthographic, around the sphere of `bounds` grown by `reach`; depth 1 nearest the lamp. Second: metres a texel.
+fn light_frame(lamp: DVec3, up: DVec3, bounds: Bounds, reach: f64) -> (DMat4, f64) {
     let centre = 0.5 * (bounds.min + bounds.max);
-    let radius = (0.5 * (bounds.max - bounds.min).length()).max(1e-9);
+    let radius = (0.5 * reach * (bounds.max - bounds.min).length()).max(1e-9);
     let steady_up = if lamp.cross(up).length_squared() > 1e-6 { up } else { lamp.any_orthonormal_vector() };
     let view = look_at_mat4(centre + lamp * (2.0 * radius), centre, steady_up);
     // Near and far swapped: reverse depth here too.
@@ -180,7 +200,11 @@ mod tests {
     }
 
     fn record_in(camera: &Camera, aspect: f64, bounds: Bounds) -> Result<Frame, GpuError> {
-        frame_record(&[ViewPose::from_camera(camera, aspect)?], (400, 300), &Scenery::default(), bounds, bounds)
+        record_lit(camera, aspect, &Lit { rest: bounds, posed: bounds, instruments: false })
+    }
+
+    fn record_lit(camera: &Camera, aspect: f64, lit: &Lit) -> Result<Frame, GpuError> {
+        frame_record(&[ViewPose::from_camera(camera, aspect)?], (400, 300), &Scenery::default(), lit)
     }
 
     #[test]
@@ -208,6 +232,18 @@ mod tests {
                 assert!(p.x.abs() <= p.w * 1.000_001 && p.y.abs() <= p.w * 1.000_001 && p.z > 0.0 && p.z < p.w, "{p}");
             }
         }
+        Ok(())
+    }
+
+    #[test]
+    fn a_piece_that_fell_far_leaves_the_shadows_sharp() -> Result<(), GpuError> {
+        let rest = Bounds { min: DVec3::splat(-1.0), max: DVec3::splat(1.0) };
+        let texel = |down: f64| {
+            let posed = rest.with(DVec3::new(0.0, -down, 0.0));
+            record_lit(&camera(), 1.0, &Lit { rest, posed, instruments: false }).map(|frame| frame.shadow[2])
+        };
+        let (near, far, farther) = (texel(0.5)?, texel(100.0)?, texel(1e6)?);
+        assert!(far < 4.0 * near && far > near && far == farther, "{near} {far} {farther}");
         Ok(())
     }
 

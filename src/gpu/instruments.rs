@@ -74,7 +74,8 @@ impl Instrument {
         }
     }
 
-    fn is_solid(&self) -> bool {
+    /// True for steel, which throws shadows; false for what one sees through.
+    pub fn is_solid(&self) -> bool {
         matches!(self.tool, Tool::Scalpel | Tool::Forceps { .. })
     }
 
@@ -101,6 +102,7 @@ pub struct InstrumentPass {
     layout: wgpu::BindGroupLayout,
     solid: PipelineFamily,
     clear: PipelineFamily,
+    shadow: PipelineFamily,
     meshes: wgpu::Buffer,
     ranges: [Range<u32>; 4],
     shown: Vec<Instrument>,
@@ -136,7 +138,11 @@ impl InstrumentPass {
             mapped_at_creation: false,
         });
         context.queue().write_buffer(&meshes, 0, bytemuck::cast_slice(&corners));
+        let shadow = Shape { shader: "instrument_shadow", vertex: "tool_lamp_corner", ..Shape::SOLID };
+        let mut shadow = PipelineFamily::new(context, shadow, &[&stage.frame_layout, &layout]);
+        shadow.prepare(context, PipelineKey::DEPTH);
         Self {
+            shadow,
             solid: PipelineFamily::new(context, solid, &[&stage.layout, &layout]),
             clear: PipelineFamily::new(context, clear, &[&stage.layout, &layout]),
             places: make_places(context, &layout, &meshes, 8),
@@ -149,11 +155,14 @@ impl InstrumentPass {
         }
     }
 
-    /// Brings the GPU's copy up to date, if an instrument has moved. Those that are not finite are left out.
-    pub fn prepare(&mut self, context: &Context, belt: &mut Belt, instruments: &[Instrument]) {
+    /// Brings the GPU's copy up to date, if an instrument has moved. Those that are not finite are left out. True if one has
+    /// moved that throws a shadow.
+    pub fn prepare(&mut self, context: &Context, belt: &mut Belt, instruments: &[Instrument]) -> bool {
         if self.shown == instruments {
-            return;
+            return false;
         }
+        let solid = |i: &&Instrument| i.is_solid();
+        let moved = !self.shown.iter().filter(solid).eq(instruments.iter().filter(solid));
         self.shown.clear();
         self.shown.extend_from_slice(instruments);
         self.slots.clear();
@@ -167,6 +176,7 @@ impl InstrumentPass {
             self.places = make_places(context, &self.layout, &self.meshes, 2 * self.slots.len() as u64);
         }
         belt.write(&self.places.0, 0, bytes);
+        moved
     }
 
     /// Compiles what a target needs, if there is anything to draw.
@@ -184,7 +194,22 @@ impl InstrumentPass {
 
     /// Draws the solid ones, or the translucent, which come after all else. Returns draws.
     pub fn draw(&self, pass: &mut wgpu::RenderPass<'_>, key: PipelineKey, view: u32, solid: bool) -> u64 {
-        let family = if solid { &self.solid } else { &self.clear };
+        self.draw_with(if solid { &self.solid } else { &self.clear }, pass, key, view, solid)
+    }
+
+    /// Draws the solid ones as the lamp sees them. Returns draws.
+    pub fn draw_shadow(&self, pass: &mut wgpu::RenderPass<'_>) -> u64 {
+        self.draw_with(&self.shadow, pass, PipelineKey::DEPTH, 0, true)
+    }
+
+    fn draw_with(
+        &self,
+        family: &PipelineFamily,
+        pass: &mut wgpu::RenderPass<'_>,
+        key: PipelineKey,
+        view: u32,
+        solid: bool,
+    ) -> u64 {
         let wanted = || self.drawn.iter().enumerate().filter(|(_, (_, is_solid))| *is_solid == solid);
         if wanted().next().is_none() || !family.set(pass, key) {
             return 0;

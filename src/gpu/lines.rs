@@ -18,24 +18,26 @@ pub struct LineSegment {
     pub colour: [f32; 4],
     /// Pixels; of a point, its diameter.
     pub width: f32,
+    /// Shows through what lies a little in front of it, up to a thirtieth of the way to the eye: for chords of a curved surface.
+    pub over: bool,
 }
 
 impl LineSegment {
     /// A thin segment.
     pub fn new(a: DVec3, b: DVec3, colour: [f32; 4]) -> Self {
-        Self { a, b, colour, width: 1.5 }
+        Self { a, b, colour, width: 1.5, over: false }
     }
 
     /// A disc that faces the eye.
     pub fn point(at: DVec3, colour: [f32; 4], diameter: f32) -> Self {
-        Self { a: at, b: at, colour, width: diameter }
+        Self { a: at, b: at, colour, width: diameter, over: false }
     }
 
     fn record(&self) -> Line {
         let colour = self.colour.map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
         Line {
             a: self.a.as_vec3().to_array(),
-            width: self.width,
+            width: if self.over { -self.width } else { self.width },
             b: self.b.as_vec3().to_array(),
             colour: u32::from_le_bytes(colour),
         }

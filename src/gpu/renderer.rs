@@ -5,7 +5,7 @@
 //! submits. What is encoded must be submitted: the renderer takes it for done. One without either calls [`Renderer::draw`].
 
 use super::arenas::{ArenaKind, Arenas, Slot};
-use super::camera::{Bounds, Camera, Scenery, frame_record};
+use super::camera::{Bounds, Camera, Lit, Scenery, frame_record};
 use super::context::Context;
 use super::deform::{DeformPass, Variant};
 use super::error::GpuError;
@@ -269,12 +269,16 @@ impl Renderer {
         target.check(views.views.len())?;
         let all = || self.tissues.values().fold(Bounds::EMPTY, |all, t| all.union(t.rest_bounds()));
         let rest = options.scenery.ground.unwrap_or_else(all);
-        let frame = frame_record(views.views, target.viewport_size(), &options.scenery, rest, self.bounds())?;
+        let instruments = options.instruments.iter().any(Instrument::is_solid);
+        let lit = Lit { rest, posed: self.bounds(), instruments };
+        let frame = frame_record(views.views, target.viewport_size(), &options.scenery, &lit)?;
         self.timer.begin();
         self.run_deform(encoder, true);
         self.counters.bytes_uploaded += self.stage.set_frame(&self.context, &frame);
         self.lines.prepare(&self.context, self.arenas.belt(), options.lines);
-        self.instruments.prepare(&self.context, self.arenas.belt(), options.instruments);
+        if self.instruments.prepare(&self.context, self.arenas.belt(), options.instruments) {
+            self.shadow_of = None;
+        }
         self.flush(encoder);
         self.prepare_tissues(views.views);
         let (key, place) = self.targets.prepare(&self.context, target, views.views.len(), options.passes);
@@ -284,7 +288,7 @@ impl Renderer {
         self.instruments.prepare_target(&self.context, key);
         if options.scenery.shadow && self.shadow_of != Some(frame.light_from_world) {
             let mut pass = self.stage.begin_shadow(encoder, self.timer.render("shadow"));
-            self.counters.draws += self.tissue_pass.draw_shadow(&mut pass);
+            self.counters.draws += self.tissue_pass.draw_shadow(&mut pass) + self.instruments.draw_shadow(&mut pass);
             self.shadow_of = Some(frame.light_from_world);
         }
         for view in 0..if key.views > 1 { 1 } else { views.views.len() } {

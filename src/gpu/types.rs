@@ -245,7 +245,7 @@ gpu_struct!(
 );
 
 /// All shaders: name and full text, `types.wgsl` in front.
-pub const SHADERS: [(&str, &str); 9] = [
+pub const SHADERS: [(&str, &str); 10] = [
     (
         "deform",
         concat!(
@@ -285,6 +285,10 @@ pub const SHADERS: [(&str, &str); 9] = [
             include_str!("../../shaders/light.wgsl"),
             include_str!("../../shaders/instruments.wgsl")
         ),
+    ),
+    (
+        "instrument_shadow",
+        concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/instrument_shadow.wgsl")),
     ),
     ("shadow", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/shadow.wgsl"))),
     ("lines", concat!(include_str!("../../shaders/types.wgsl"), include_str!("../../shaders/lines.wgsl"))),

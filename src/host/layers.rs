@@ -85,11 +85,12 @@ fn particles(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     };
     for p in 0..layer.map.len() {
         let Some(a) = at(p) else { continue };
-        lines.push(LineSegment::point(a, PARTICLE, 5.0));
         for link in layer.map.neighbours.row(p).iter().filter(|l| l.particle.index() > p) {
-            lines.extend(at(link.particle.index()).map(|b| LineSegment::new(a, b, LINK)));
+            lines.extend(at(link.particle.index()).map(|b| LineSegment { over: true, ..LineSegment::new(a, b, LINK) }));
         }
     }
+    let point = |a| LineSegment { over: true, ..LineSegment::point(a, PARTICLE, 9.0) };
+    lines.extend((0..layer.map.len()).filter_map(at).map(point));
 }
 
 fn wireframe(tissue: &Tissue, lines: &mut Vec<LineSegment>) {

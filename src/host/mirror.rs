@@ -202,6 +202,11 @@ mod tests {
     use crate::tissue::TissueSettings;
     use glam::DVec3;
 
+    #[test]
+    fn what_has_no_colour_is_flesh_to_the_reader_and_to_the_renderer() {
+        assert_eq!(Material::FLESH, MaterialView::FLESH.base_colour);
+    }
+
     /// A device whose buffers are small: a few pieces are too many.
     fn narrow() -> Arc<Context> {
         let wide = Context::headless(ContextOptions::default()).expect("an adapter");

@@ -35,7 +35,7 @@ impl Tissue {
         let materials = Arc::make_mut(&mut self.materials);
         if materials.is_empty() {
             // the faces of a model without materials name the first: it must not become this one
-            materials.push(Material { name: "flesh".into(), base_colour: [0.27, 0.058, 0.047, 1.0], ..Material::default() });
+            materials.push(Material::named("flesh"));
         }
         materials.push(Material { name: name.into(), base_colour, ..Material::default() });
         materials.len() as u32 - 1
