@@ -158,6 +158,7 @@ fn check_poses(
     let report = stroke(&mut scene, width, &poses);
     for (_, tissue) in scene.tissues() {
         prop_assert_eq!(tissue.validate(), Ok(()));
+        prop_assert_eq!(double_edges(tissue), 0);
     }
     if report.outcome == Outcome::Missed {
         return Ok(None);
@@ -186,6 +187,19 @@ fn check_poses(
             .collect::<Vec<_>>()
     );
     Ok(Some([scene.tissues().map(|(_, t)| t.mesh().face_count()).sum(), report.pieces.len()]))
+}
+
+/// Edges that more than two faces share, to whoever knows corners and no half-edges.
+fn double_edges(tissue: &Tissue) -> usize {
+    let faces: Vec<[u32; 3]> = tissue.mesh().live_faces().map(|f| tissue.mesh().face(f).map(|v| v.0)).collect();
+    edges_of_more_than_two(&faces)
+}
+
+fn edges_of_more_than_two(faces: &[[u32; 3]]) -> usize {
+    let ends = |a: u32, b: u32| [a.min(b), a.max(b)];
+    let mut edges: Vec<[u32; 2]> = faces.iter().flat_map(|&[a, b, c]| [ends(a, b), ends(b, c), ends(c, a)]).collect();
+    edges.sort_unstable();
+    edges.chunk_by(|a, b| a == b).filter(|run| run.len() > 2).count()
 }
 
 /// For each of three models.
@@ -481,4 +495,34 @@ fn what_is_severed_through_a_hollow_is_told() {
     assert!(report.pieces.len() == 2 && all_closed(&scene), "{:?}", report.pieces);
     let [a, b] = [0, 1].map(|k| report.pieces[k].volume);
     assert!(a.min(b) > 0.3 * (a + b), "{a} {b}");
+}
+
+/// A deep tear that wanders about the middle of a ball: walls of later boxes touch those of earlier ones along whole edges.
+#[test]
+fn walls_that_touch_along_an_edge_have_an_edge_each() {
+    let path = [
+        ([0.1394, 0.1830, 0.2396], [-0.2584, -0.1094, -0.6071]),
+        ([0.0836, 0.0291, 0.2984], [-0.1796, -0.0626, -0.6412]),
+        ([0.0366, 0.0043, 0.3078], [-0.2103, -0.0468, -1.3460]),
+        ([0.0213, -0.0079, 0.3093], [-0.0938, 0.0349, -1.3591]),
+        ([-0.0028, -0.0354, 0.3076], [0.0061, 0.0766, -0.6660]),
+        ([-0.0236, -0.0649, 0.3020], [0.1037, 0.2856, -1.3289]),
+        ([-0.0350, -0.0985, 0.2929], [0.1534, 0.4314, -1.2827]),
+        ([-0.0106, -0.1939, 0.2489], [0.1005, 0.2915, -0.5953]),
+        ([-0.0565, -0.1588, 0.2590], [0.1228, 0.3448, -0.5625]),
+        ([0.0927, -0.1735, 0.2696], [0.0990, 0.4044, -0.5220]),
+        ([-0.0576, -0.2149, 0.2133], [0.2549, 0.9516, -0.9443]),
+    ];
+    let (mut scene, ..) = still_scene("sphere", 768);
+    let poses: Vec<BladePose> = (0..)
+        .zip(path)
+        .map(|(i, (tip, base))| BladePose { t: 0.08 * f64::from(i), tip: tip.into(), base: base.into() })
+        .collect();
+    stroke(&mut scene, 0.001843, &poses);
+    let (_, tissue) = scene.tissues().next().unwrap();
+    assert_eq!((tissue.validate(), double_edges(tissue)), (Ok(()), 0));
+    // the control: a vertex between two others twice is seen
+    let mut twice: Vec<[u32; 3]> = tissue.mesh().live_faces().map(|f| tissue.mesh().face(f).map(|v| v.0)).collect();
+    twice.extend_from_within(..1);
+    assert!(edges_of_more_than_two(&twice) > 0);
 }

@@ -110,6 +110,8 @@ pub struct TearStroke {
     /// The tissue has moved since the pending quads were tied.
     moved: bool,
     wall: WallMode,
+    /// Vertices around what a closed tear has joined.
+    joined: Vec<VertexId>,
 }
 
 impl TearStroke {
@@ -133,6 +135,7 @@ impl TearStroke {
             deltas: Vec::new(),
             moved: false,
             wall: WallMode::Open,
+            joined: Vec::new(),
         }
     }
 
@@ -159,6 +162,11 @@ impl TearStroke {
         self.follow_tissue(tissue);
         self.stroke.release(&entries(tissue, &self.positions), &mut self.segments);
         self.tear_segments(tissue);
+        let parted = tissue.part_double_edges(&mut self.joined);
+        self.joined.clear();
+        if let Some(last) = self.reports.last_mut() {
+            last.new_vertices += parted;
+        }
         if let Some(layer) = tissue.layer.as_mut().filter(|l| self.has_torn() && l.strips.next_slit() > self.slit) {
             release_slit(&mut layer.map, &layer.strips, &layer.settings.wound);
         }
@@ -363,6 +371,9 @@ impl TearStroke {
         });
         self.near.clear();
         self.near.extend(step.touched.iter().copied().chain(step.new_vertices.iter().map(|n| n.vertex)));
+        if self.wall == WallMode::Closed {
+            self.joined.extend_from_slice(&self.near);
+        }
         report.promoted_vertices = tissue.promoted_vertices - promoted;
         (report.wall_faces, report.unclosed_edges) = (step.walls.len(), step.unclosed_edges);
         report.smallest_angle = step.smallest_sine.min(1.0).asin();

@@ -1,0 +1,81 @@
+//! Two edges between the same two vertices, where walls touch each other or the surface: sound in our mesh, whose half-edges know
+//! their partners, but four faces at one edge to whoever reads corners alone. One of the two gets a vertex in its middle.
+
+use super::Tissue;
+use crate::geometry::topology::TopologyScratch;
+use crate::geometry::{HalfEdge, NewFace, VertexId};
+use crate::surgery::insert::{NewVertex, WedgeMaker};
+
+/// Finer than this, edges are left alone: what lies between vertices that nearly coincide would be worse. Of the diagonal.
+const SHORTEST: f64 = 1e-9;
+
+impl Tissue {
+    /// Parts all but one of the edges that join a vertex of `vertices` to the same other one. Returns the vertices inserted; no
+    /// vertex is moved, and no face changes its shape.
+    pub(super) fn part_double_edges(&mut self, vertices: &mut Vec<VertexId>) -> usize {
+        vertices.sort_unstable();
+        vertices.dedup();
+        let mut made = 0;
+        let mut spokes: Vec<(VertexId, HalfEdge)> = Vec::new();
+        for &v in vertices.iter() {
+            if !self.mesh.vertex_is_live(v) {
+                continue;
+            }
+            spokes.clear();
+            spokes.extend(self.mesh.fan(v).map(|h| (self.mesh.to(h), h)));
+            if spokes.len() > 1 {
+                spokes.sort_unstable();
+                for i in 1..spokes.len() {
+                    let [(a, first), (b, second)] = [spokes[i - 1], spokes[i]];
+                    if a == b {
+                        let of_walls = |h: &HalfEdge| self.is_of_walls(*h);
+                        let which = [second, first].into_iter().find(of_walls).unwrap_or(second);
+                        made += usize::from(self.split_edge(which));
+                        break; // the fan is another now; a third edge would be seen from the other end
+                    }
+                }
+            }
+        }
+        made
+    }
+
+    /// True if the faces on both sides are walls.
+    fn is_of_walls(&self, h: HalfEdge) -> bool {
+        let back = self.mesh.opposite(h);
+        back.is_some() && [h, back].iter().all(|h| self.mesh.face_info(h.face()).origin == u32::MAX)
+    }
+
+    /// Puts a vertex into the middle of an edge. False, with nothing changed, where that would not part anything.
+    fn split_edge(&mut self, h: HalfEdge) -> bool {
+        let back = self.mesh.opposite(h);
+        if back.is_none() {
+            return false;
+        }
+        let (u, v) = (self.mesh.from(h), self.mesh.to(h));
+        let tips = [h, back].map(|h| self.mesh.from(h.prev()));
+        let [p, q] = [u, v].map(|v| self.position(v));
+        if tips[0] == tips[1] || p.distance(q) <= SHORTEST * self.diagonal() {
+            return false;
+        }
+        let middle = self.mesh.add_vertex();
+        let mut maker = WedgeMaker::default();
+        let mut faces = Vec::with_capacity(4);
+        for (h, tip) in [(h, tips[0]), (back, tips[1])] {
+            let (f, k) = (h.face(), h.corner());
+            let wedges = self.mesh.face_wedges(f);
+            let [from, to, far] = [k, (k + 1) % 3, (k + 2) % 3].map(|k| wedges[k]);
+            let at_middle = maker.on_edge(&mut self.mesh, middle, from, to, 0.5);
+            let info = self.mesh.face_info(f);
+            let [start, end] = [self.mesh.from(h), self.mesh.to(h)];
+            faces.push(NewFace { corners: [start, middle, tip], wedges: [from, at_middle, far], info, side: 0 });
+            faces.push(NewFace { corners: [middle, end, tip], wedges: [at_middle, to, far], info, side: 0 });
+        }
+        self.mesh.replace_faces(&[h.face(), back.face()], &faces, |_| 0, &mut TopologyScratch::default());
+        let none = (VertexId::NONE, 0.0);
+        let new = [NewVertex { vertex: middle, parents: [(u, 0.5), (v, 0.5), none], parent_count: 2, position: (p + q) / 2.0 }];
+        self.add_vertices(&new);
+        self.update_map(&new, &[], 0..0, &[]);
+        self.versions.structure += 1;
+        true
+    }
+}
