@@ -526,3 +526,37 @@ fn walls_that_touch_along_an_edge_have_an_edge_each() {
     twice.extend_from_within(..1);
     assert!(edges_of_more_than_two(&twice) > 0);
 }
+
+/// An open tear that crosses its own lips: a corner of 1e-20 of the model's surface comes off there beside a real piece.
+#[test]
+fn crumbs_are_no_pieces() {
+    let path = [
+        ([-0.2357, 0.2832, -0.2671], [-0.7063, 0.8485, -0.8003]),
+        ([-0.2239, 0.2930, -0.2661], [-0.3301, 0.4320, -0.3923]),
+        ([-0.2166, 0.3047, -0.2591], [-0.3193, 0.4492, -0.3820]),
+        ([-0.2153, 0.3153, -0.2480], [-0.3174, 0.4646, -0.3655]),
+        ([-0.2195, 0.3230, -0.2354], [-0.6780, 0.9530, -0.7025]),
+        ([-0.2304, 0.3242, -0.2236], [-0.3392, 0.4775, -0.3294]),
+        ([-0.2427, 0.3199, -0.2152], [-0.7267, 0.9579, -0.6443]),
+        ([-0.2553, 0.3112, -0.2124], [-0.3763, 0.4587, -0.3131]),
+        ([-0.2651, 0.2998, -0.2162], [-0.7946, 0.8987, -0.6479]),
+        ([-0.2756, 0.2874, -0.2214], [-0.3736, 0.4301, -0.3501]),
+        ([-0.2690, 0.2767, -0.2420], [-0.7788, 0.9106, -0.6466]),
+        ([-0.2635, 0.2737, -0.2523], [-0.7080, 0.8976, -0.7407]),
+        ([-0.2494, 0.2817, -0.2571], [-0.7082, 0.7917, -0.8528]),
+        ([-0.2292, 0.2872, -0.2695], [-0.3681, 0.4223, -0.3643]),
+    ];
+    let (mut scene, ..) = still_scene("sphere", 768);
+    scene.set_wall(WallMode::Open);
+    let before = scene.edit_hash();
+    let poses: Vec<BladePose> = (0..)
+        .zip(path)
+        .map(|(i, (tip, base))| BladePose { t: 0.08 * f64::from(i), tip: tip.into(), base: base.into() })
+        .collect();
+    let report = stroke(&mut scene, 0.007200, &poses);
+    assert_eq!((report.outcome, report.pieces.len()), (Outcome::Severed, 2));
+    assert!(report.pieces.iter().all(|p| p.area > 1e-4), "{:?}", report.pieces);
+    assert!(scene.tissues().all(|(_, t)| t.validate().is_ok()));
+    let torn = scene.edit_hash();
+    assert!(scene.undo() && scene.edit_hash() == before && scene.redo() && scene.edit_hash() == torn);
+}

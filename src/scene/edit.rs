@@ -230,7 +230,11 @@ impl Scene {
             if report.outcome == Outcome::Missed {
                 report.outcome = Outcome::Torn;
             }
-            let severed = report.stages.time("components", || before.new_components(tissue));
+            let severed = report.stages.time("components", || {
+                let mut severed = before.new_components(tissue);
+                tissue.drop_crumbs(&mut severed);
+                severed
+            });
             if !severed.is_empty() {
                 report.outcome = Outcome::Severed;
             }

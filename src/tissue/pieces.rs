@@ -11,6 +11,10 @@ use glam::DVec3;
 
 /// A piece whose sections are on average this much emptier than they may be gets new ones.
 const SPARSE: usize = 4;
+/// What is severed and has less surface than a square of this side, a fraction of the diagonal, is a crumb: rounding, no piece.
+const CRUMB: f64 = 1e-6;
+/// Crumbs have no more faces than this.
+const MOST_CRUMB_FACES: usize = 64;
 /// From this share of changed particles on, the network is cut out anew: one in so many.
 const MANY_CHANGED: usize = 8;
 
@@ -42,6 +46,36 @@ impl Tissue {
             self.forget(&gone);
         }
         pieces
+    }
+
+    /// Takes crumbs out of `parts` (as for [`Tissue::sever`]) and out of the tissue: where a blade crosses its own slit, corners that
+    /// no stored position can tell apart may come off.
+    pub fn drop_crumbs(&mut self, parts: &mut Vec<Vec<FaceId>>) {
+        let least = (CRUMB * self.diagonal()).powi(2);
+        let (mut gone, mut dropped) = (Vec::new(), false);
+        parts.retain(|faces| {
+            let is_crumb = faces.len() <= MOST_CRUMB_FACES && faces.iter().map(|&f| self.face_area(f)).sum::<f64>() < least;
+            if is_crumb {
+                if !std::mem::replace(&mut dropped, true) {
+                    self.note_edits();
+                }
+                let first = gone.len();
+                gone.extend(faces.iter().flat_map(|&f| self.mesh.face(f)));
+                gone[first..].sort_unstable();
+                gone.dedup();
+                self.mesh.remove_components(faces, gone[first..].iter().copied());
+            }
+            !is_crumb
+        });
+        if dropped {
+            self.forget(&gone);
+            self.versions.structure += 1;
+        }
+    }
+
+    fn face_area(&self, f: FaceId) -> f64 {
+        let [a, b, c] = self.mesh.face(f).map(|v| self.position(v));
+        0.5 * (b - a).cross(c - a).length()
     }
 
     /// A tissue of `faces`. They stay here as well.
