@@ -5,7 +5,7 @@
 mod common;
 mod gpu_support;
 
-use common::models::{model, settings};
+use common::models::scene_of;
 use glam::DVec3;
 use gpu_support::{context, plain_context};
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
@@ -14,8 +14,8 @@ use incise::geometry::{Mesh, Plane, VertexId, WedgeId};
 use incise::gpu::GpuError;
 use incise::host::mirror::Mirror;
 use incise::input::InputFrame;
-use incise::scene::{EditCommand, Scene, SceneSettings};
-use incise::surgery::{BladePose, SamplingSettings, WallMode};
+use incise::scene::EditCommand;
+use incise::surgery::{BladePose, WallMode};
 use incise::tissue::Tissue;
 use std::collections::BTreeSet;
 
@@ -43,12 +43,7 @@ impl FrameTarget for Twins {
 /// 24 frames of an animated model, with particles or without.
 fn play(name: &str, faces: usize, soft: bool, wall: WallMode, commands: impl Fn(usize) -> Vec<EditCommand>) -> (App, Twins) {
     let mut twins = Twins { gpu: Mirror::new(context()), cpu: Mirror::new(plain_context()) };
-    let model = model(name, faces);
-    let mut settings = settings(&model);
-    settings.particles = settings.particles.filter(|_| soft);
-    let tissue = Tissue::new(model, &settings).expect("a tissue");
-    let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
-    let mut scene = Scene::new(tissue, tools);
+    let (mut scene, _) = scene_of(name, faces, soft);
     scene.set_animation(Some(0));
     scene.set_wall(wall);
     let mut app = App::new(scene, 1.0, || 0);

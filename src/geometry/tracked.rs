@@ -245,9 +245,14 @@ impl<T> Delta<T> {
         ranges
     }
 
-    /// Bytes of the entries that differ, each counted once.
+    /// [`Delta::touched`] of the entries that there are now, since the delta was made: those that a mirror must be sent.
+    pub fn written(&self) -> impl Iterator<Item = usize> + '_ {
+        self.touched().filter(|&i| i < self.new_len)
+    }
+
+    /// Bytes of the entries that differ and that there are now, each counted once.
     pub fn dirty_bytes(&self) -> usize {
-        distinct(self.touched()) * std::mem::size_of::<T>()
+        distinct(self.written()) * std::mem::size_of::<T>()
     }
 
     /// Heap bytes that the delta holds.
@@ -374,7 +379,7 @@ mod tests {
             run(&mut array, &edit);
             let delta = array.take_delta();
             let ranges = delta.dirty_ranges(0);
-            let entries: usize = ranges.iter().map(|r| r.len()).sum();
+            let entries = ranges.iter().flat_map(|r| r.clone()).filter(|&i| i < array.len()).count();
             prop_assert_eq!(delta.dirty_bytes(), entries * std::mem::size_of::<u32>());
             for i in 0..array.len().max(start.len()) {
                 if array.get(i) != start.get(i) {

@@ -9,9 +9,9 @@ impl TissueDelta {
     /// Bytes that a GPU mirror needs to follow: the records of what differs, each once.
     pub fn upload_bytes(&self) -> usize {
         let Self { mesh, rows, map, .. } = self;
-        let spans = rows.rows.spans.touched().chain(rows.bones.spans.touched()).chain(map.influences.spans.touched());
-        let vertices = distinct(mesh.vertex_half_edge.touched().chain(rows.rest_position.touched()).chain(spans));
-        let faces = distinct(mesh.face_wedges.touched().chain(mesh.opposite.touched()).chain(mesh.face_info.touched()));
+        let spans = rows.rows.spans.written().chain(rows.bones.spans.written()).chain(map.influences.spans.written());
+        let vertices = distinct(mesh.vertex_half_edge.written().chain(rows.rest_position.written()).chain(spans));
+        let faces = distinct(mesh.face_wedges.written().chain(mesh.opposite.written()).chain(mesh.face_info.written()));
         vertices * VERTEX_BYTES
             + faces * FACE_BYTES
             + mesh.wedges.dirty_bytes()
