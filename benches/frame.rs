@@ -127,7 +127,8 @@ fn median(values: &mut [f64]) -> f64 {
     values[values.len() / 2]
 }
 
-/// Runs frames and prints their medians; the first ones are left out.
+/// Runs frames and prints their medians; the first ones are left out. Those that are measured do the work that they stand for: asleep
+/// none, animated a deform pass, and neither allocates.
 fn measure(name: &str, app: &mut App, target: &mut Target, first: usize, animated: bool) {
     let (mut app_ms, mut sync_ms, mut encode_ms, mut all_ms) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut last = FrameCounters::default();
@@ -143,6 +144,13 @@ fn measure(name: &str, app: &mut App, target: &mut Target, first: usize, animate
             encode_ms.push(target.encode_ms);
             all_ms.push(whole);
             last = report.counters;
+            let FrameCounters { dispatches, bytes_uploaded, particles_awake, .. } = last;
+            assert_eq!((last.allocations, target.sync_allocations), (0, 0), "{name}, frame {k}");
+            assert_eq!(
+                (dispatches > 0, bytes_uploaded > 0, particles_awake > 0),
+                (animated, animated, animated),
+                "{name}, frame {k}"
+            );
         }
     }
     println!(
@@ -191,6 +199,7 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
             let start = Instant::now();
             let report = app.frame(&input, target).expect("a frame");
             let whole = start.elapsed().as_secs_f64() * 1e3 - target.submit_ms;
+            assert_eq!(report.counters.dispatches, 2, "the heart beats");
             let times = match k {
                 _ if stroke == 0 => continue,
                 0 => &mut began,
@@ -204,6 +213,7 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
         }
     }
     let segments = cut.len();
+    assert!(segments > 100, "{segments} frames in which the blade cut");
     let row = |times: &mut [f64]| {
         let middle = median(times);
         format!("{middle:.4} (99 %: {:.4})", times[times.len() * 99 / 100])

@@ -8,11 +8,12 @@
 @group(0) @binding(4) var<storage, read> vectors: array<vec4f>;
 @group(0) @binding(5) var<storage, read_write> deformed: array<vec4f>;
 
-// Pipeline variants: a scene without bones, without displacements and fades, or without turned particles compiles without their
-// code.
+// Pipeline variants: a scene without bones, without displacements and fades, without turned particles, or without rows of more
+// than three entries compiles without their code.
 override skinned: bool = true;
 override displaced: bool = true;
 override rotated: bool = true;
+override long_rows: bool = true;
 
 // A 3 x 4 transform by rows.
 struct Transform {
@@ -79,8 +80,10 @@ fn skin(t: u32, local_vertex: u32) -> vec3f {
     if (row.y > 2u) {
         s += part_of_row(t, first, entries + 2u);
     }
-    for (var k = 3u; k < row.y; k++) {
-        s += part_of_row(t, first, entries + k);
+    if (long_rows) {
+        for (var k = 3u; k < row.y; k++) {
+            s += part_of_row(t, first, entries + k);
+        }
     }
     return s;
 }

@@ -162,8 +162,8 @@ fn an_adapter_with_few_storage_buffers_is_deformed_on_the_cpu() {
     let exact = reference(&model);
     assert!(error(&model, &cpu, &exact) < TOLERANCE && error(&model, &gpu, &exact) < TOLERANCE);
     let (a, b) = (usual.read_normals(1).expect("normals"), plain.read_normals(1).expect("normals"));
-    let angle = |(a, b): (&[f32; 3], &[f32; 3])| {
-        let (a, b) = (glam::Vec3::from_array(*a).as_dvec3(), glam::Vec3::from_array(*b).as_dvec3());
+    let angle = |(a, b): (&[f32; 4], &[f32; 4])| {
+        let (a, b) = (vector(a), vector(b));
         a.cross(b).length().atan2(a.dot(b))
     };
     let worst = a.iter().zip(&b).map(angle).fold(0.0, f64::max);
@@ -219,6 +219,11 @@ fn plain_weight_interpolation_is_noticed() {
     assert!(error(&model, &gpu, &wrong) > 100.0 * TOLERANCE);
 }
 
+/// A normal, without its distance from a lip.
+fn vector(n: &[f32; 4]) -> DVec3 {
+    glam::Vec4::from_array(*n).truncate().as_dvec3()
+}
+
 /// Normals in f64 by MATHS 2.3 from final positions.
 fn reference_normal(model: &Model, f: &[DVec3], w: WedgeId) -> DVec3 {
     let wedge = model.mesh.wedge(w);
@@ -245,7 +250,7 @@ fn normals_of_displaced_vertices_follow_the_surface() {
     let (mut worst, mut flat, mut compared) = (0.0_f64, 0.0_f64, 0);
     for (w, n) in normals.iter().enumerate() {
         let wedge = model.mesh.wedge(WedgeId::new(w));
-        let gpu = glam::Vec3::from_array(*n).as_dvec3();
+        let gpu = vector(n);
         if !model.map.influences.row(wedge.vertex.index()).is_empty() {
             let cpu = reference_normal(&model, &f, WedgeId::new(w));
             worst = worst.max(gpu.cross(cpu).length().atan2(gpu.dot(cpu)));
@@ -271,7 +276,7 @@ fn normals_elsewhere_are_the_cofactor_of_the_blend() {
         let a = model.pose.blended_linear(&model.rows, wedge.vertex);
         let rest = glam::Vec3::from_array(wedge.normal).as_dvec3();
         let cpu = (a.inverse().transpose() * a.determinant() * rest).normalize();
-        let gpu = glam::Vec3::from_array(*n).as_dvec3();
+        let gpu = vector(n);
         worst = worst.max(gpu.cross(cpu).length().atan2(gpu.dot(cpu)));
     }
     assert!(worst < 1e-3, "{worst:e}");

@@ -3,13 +3,14 @@
 
 mod gpu_support;
 
-use glam::{DQuat, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use gpu_support::{Model, bar, bend, context, plain_context, sphere, write_png};
 use incise::gpu::readback::read_texture;
 use incise::gpu::{
-    Bounds, Camera, ColourTarget, Context, DrawOptions, Fov, GpuError, LineSegment, MOST_VIEWS, Passes, RenderTarget, Renderer,
-    Scenery, TissueDirty, ViewPose, ViewSet, VisibilityMask,
+    AdapterKind, Bounds, Camera, ColourTarget, Context, DrawOptions, Fov, GpuError, Instrument, LineSegment, MOST_VIEWS, Passes,
+    RenderTarget, Renderer, Scenery, TissueDirty, Tool, ViewPose, ViewSet, VisibilityMask,
 };
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 const SIZE: (u32, u32) = (96, 80);
@@ -52,57 +53,150 @@ fn difference(a: &[u8], b: &[u8]) -> f64 {
     a.iter().zip(b).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>() / a.len() as f64
 }
 
+/// What a stereo picture shows besides the model.
+#[derive(Clone, Default)]
+struct Dress {
+    lines: Vec<LineSegment>,
+    instruments: Vec<Instrument>,
+    masks: Vec<VisibilityMask>,
+    late: Option<[ViewPose; 2]>,
+}
+
 /// Both layers of a stereo picture, and draws; with depth kept where it is not smooth. A driver may resolve samples otherwise
 /// in one pass than in two.
-fn stereo(passes: Passes, smooth: bool, lines: &[LineSegment]) -> (Vec<Vec<u8>>, u64) {
+fn stereo(passes: Passes, smooth: bool, dress: &Dress) -> (Vec<Vec<u8>>, u64) {
     let context = context();
     let mut renderer = renderer(context.clone());
+    renderer.set_visibility_masks(&dress.masks);
     // No tray: it reaches behind the eyes, and what is clipped goes astray in the software driver of Mesa 22 (see
     // `Context::prefers_views_at_once`).
     let scenery = Scenery { tray: false, ..Default::default() };
-    let options = DrawOptions { passes, scenery, lines, ..Default::default() };
-    let pictures = if smooth {
-        pictures(&mut renderer, &eyes(), &options)
-    } else {
-        let colour = swapchain(&context, 2, wgpu::TextureFormat::Rgba8UnormSrgb);
-        let depth = swapchain(&context, 2, wgpu::TextureFormat::Depth32Float);
-        let colour_target = ColourTarget::of_texture(&colour, colour.format());
-        let depth_target = ColourTarget::of_texture(&depth, depth.format());
-        let target = RenderTarget { depth: Some(&depth_target), smooth: false, ..RenderTarget::new(&colour_target) };
-        encode(&mut renderer, &target, &ViewSet::new(&eyes()), &options, None);
-        (0..2).map(|l| read_texture(&context, &colour, l).expect("read")).collect()
-    };
-    (pictures, renderer.take_counters().draws)
+    let options = DrawOptions { passes, scenery, lines: &dress.lines, instruments: &dress.instruments, ..Default::default() };
+    let colour = swapchain(&context, 2, wgpu::TextureFormat::Rgba8UnormSrgb);
+    let depth = swapchain(&context, 2, wgpu::TextureFormat::Depth32Float);
+    let colour_target = ColourTarget::of_texture(&colour, colour.format());
+    let depth_target = ColourTarget::of_texture(&depth, depth.format());
+    let depth = if smooth { None } else { Some(&depth_target) };
+    let target = RenderTarget { depth, smooth, ..RenderTarget::new(&colour_target) };
+    let views = ViewSet { views: &eyes(), masked: !dress.masks.is_empty() };
+    encode(&mut renderer, &target, &views, &options, dress.late.as_ref().map(|late| &late[..]));
+    ((0..2).map(|l| read_texture(&context, &colour, l).expect("read")).collect(), renderer.take_counters().draws)
+}
+
+/// False where there is nothing to compare; the software adapter that the suite runs on always has something.
+fn draws_views_at_once(context: &Context) -> bool {
+    let has = context.draws_views_at_once(2, context.samples());
+    assert!(has || context.adapter_kind() != AdapterKind::Software, "the software adapter has multiview");
+    if !has {
+        println!("{} has no multiview; nothing to compare", context.adapter_name());
+    }
+    has
+}
+
+/// Fails unless both eyes' pictures agree, drawn in one pass and in two. Returns those of one pass.
+fn agree(smooth: bool, dress: &Dress, draws: (u64, u64)) -> Vec<Vec<u8>> {
+    let (at_once, one_pass) = stereo(Passes::AtOnce, smooth, dress);
+    let (in_turn, two_passes) = stereo(Passes::Each, smooth, dress);
+    assert_eq!((one_pass, two_passes), draws);
+    // A pass each may have no antialiasing (see `Context::resolves_into_layers`): edges differ then, the picture does not.
+    let most = if smooth { 1.5 } else { 0.02 };
+    for view in 0..2 {
+        let found = difference(&at_once[view], &in_turn[view]);
+        println!("view {view}: {found:.4} steps a channel");
+        if found > most {
+            write_png(&format!("failed-at-once-{view}"), SIZE, &at_once[view]);
+            write_png(&format!("failed-in-turn-{view}"), SIZE, &in_turn[view]);
+            panic!("view {view}: {found} steps a channel");
+        }
+    }
+    // The control: the eyes see different pictures, and swapping them is noticed.
+    let swapped = difference(&at_once[0], &in_turn[1]);
+    assert!(swapped > 2.0 * most, "{swapped}");
+    at_once
 }
 
 #[test]
 fn stereo_in_one_pass_equals_a_pass_each() {
-    let context = context();
-    if !context.draws_views_at_once(2, context.samples()) {
-        println!("{} has no multiview; nothing to compare", context.adapter_name());
+    if draws_views_at_once(&context()) {
+        for smooth in [false, true] {
+            // The shadow is drawn once either way; the tissue, backdrop and lines once or twice.
+            agree(smooth, &Dress { lines: lines(), ..Default::default() }, (1 + 3, 1 + 2 * 3));
+        }
+    }
+}
+
+/// Scalpel, forceps and the preview of a plane, all in sight of both eyes.
+fn instruments() -> Vec<Instrument> {
+    let mut forceps = Instrument::scalpel(DVec3::new(-0.2, 0.1, 0.1), DVec3::new(-0.25, 0.2, 0.15), DVec3::X, 2.0);
+    forceps.tool = Tool::Forceps { opening: 0.02 };
+    let scalpel = Instrument::scalpel(DVec3::new(0.2, 0.05, 0.15), DVec3::new(0.25, 0.2, 0.2), DVec3::X, 2.0);
+    let sheet =
+        DAffine3::from_scale_rotation_translation(DVec3::splat(0.15), DQuat::from_rotation_y(0.7), DVec3::new(0.0, 0.05, 0.1));
+    vec![scalpel, forceps, Instrument { tool: Tool::Plane, world_from_tool: sheet, colour: [0.2, 0.7, 1.0, 0.4] }]
+}
+
+/// A corner of each eye's picture, another one each.
+fn masks() -> Vec<VisibilityMask> {
+    let triangle = |x: f32| VisibilityMask { corners: vec![[x, -0.5], [x, -0.1], [x * 0.3, -0.5]], indices: vec![0, 1, 2] };
+    vec![triangle(-0.6), triangle(0.55)]
+}
+
+#[test]
+fn masks_instruments_lines_and_late_poses_agree_in_one_pass_and_in_two() {
+    if !draws_views_at_once(&context()) {
         return;
     }
-    let lines = lines();
-    for smooth in [false, true] {
-        let (at_once, one_pass) = stereo(Passes::AtOnce, smooth, &lines);
-        let (in_turn, two_passes) = stereo(Passes::Each, smooth, &lines);
-        // The shadow is drawn once either way; the tissue, backdrop and lines once or twice.
-        assert_eq!((one_pass, two_passes), (1 + 3, 1 + 2 * 3));
-        // A pass each may have no antialiasing (see `Context::resolves_into_layers`): edges differ then, the picture does not.
-        let most = if smooth { 1.5 } else { 0.02 };
-        for view in 0..2 {
-            let found = difference(&at_once[view], &in_turn[view]);
-            println!("view {view}: {found:.4} steps a channel");
-            if found > most {
-                write_png(&format!("failed-at-once-{view}"), SIZE, &at_once[view]);
-                write_png(&format!("failed-in-turn-{view}"), SIZE, &in_turn[view]);
-                panic!("view {view}: {found} steps a channel");
-            }
+    let late = eyes().map(|e| ViewPose { position: e.position + e.forward() * 0.1, ..e });
+    let full = Dress { lines: lines(), instruments: instruments(), masks: masks(), late: Some(late) };
+    // Besides the shadow: mask, two solid instruments, tissue, backdrop, lines, and the plane.
+    let draws = (1 + 7, 1 + 2 * 7);
+    agree(true, &full, draws);
+    let all = agree(false, &full, draws);
+    // The control: each part shows in both eyes' pictures.
+    for k in 0..6 {
+        let mut fewer = full.clone();
+        match k {
+            0 => fewer.lines.clear(),
+            1 => fewer.masks.clear(),
+            2 => fewer.late = None,
+            _ => drop(fewer.instruments.remove(k - 3)),
         }
-        // The control: the eyes see different pictures, and swapping them is noticed.
-        let swapped = difference(&at_once[0], &in_turn[1]);
-        assert!(swapped > 2.0 * most, "{swapped}");
+        let without = stereo(Passes::AtOnce, false, &fewer).0;
+        for view in 0..2 {
+            let found = difference(&all[view], &without[view]);
+            assert!(found > if k == 2 { 1.0 } else { 0.1 }, "part {k} in view {view}: {found}");
+        }
     }
+}
+
+/// A mask's slanting edge over the backdrop: of four samples none to four are hidden, of one sample none or one.
+#[test]
+fn smooth_targets_have_four_samples_and_others_one() {
+    let context = context();
+    assert!(context.samples() == 4 || context.adapter_kind() != AdapterKind::Software, "the software adapter has four");
+    let linear = |byte: u8| {
+        let c = f64::from(byte) / 255.0;
+        if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    };
+    // How many quarters of a pixel are seen, over all pixels.
+    let quarters = |smooth: bool| -> BTreeSet<u32> {
+        let mut renderer = Renderer::new(context.clone());
+        let corners = vec![[-0.6, -0.5], [0.5, -0.5], [-0.6, 0.37]];
+        renderer.set_visibility_masks(&[VisibilityMask { corners, indices: vec![0, 1, 2] }]);
+        let texture = swapchain(&context, 1, wgpu::TextureFormat::Rgba8UnormSrgb);
+        let colour = ColourTarget::of_texture(&texture, texture.format());
+        let target = RenderTarget { smooth, ..RenderTarget::new(&colour) };
+        let mut draw = |masked: bool| {
+            let views = ViewSet { views: &eyes()[..1], masked };
+            into_target(&mut renderer, &texture, &target, &views, None)
+        };
+        let (masked, free) = (draw(true), draw(false));
+        let share = |(masked, free): (&u8, &u8)| (4.0 * linear(*masked) / linear(*free)).round() as u32;
+        masked.iter().zip(&free).skip(1).step_by(4).map(share).collect()
+    };
+    let four = if context.samples() == 4 { vec![0, 1, 2, 3, 4] } else { vec![0, 4] };
+    assert_eq!(quarters(true).into_iter().collect::<Vec<_>>(), four);
+    assert_eq!(quarters(false).into_iter().collect::<Vec<_>>(), [0, 4]);
 }
 
 #[test]

@@ -200,6 +200,18 @@ impl<T: Pod> Tracked<T> {
     }
 }
 
+/// How many different numbers there are, without sorting them.
+pub fn distinct(numbers: impl Iterator<Item = usize>) -> usize {
+    let mut seen = Vec::new();
+    for n in numbers {
+        if n / 64 >= seen.len() {
+            seen.resize((n / 64 + 1).max(2 * seen.len()), 0u64);
+        }
+        seen[n / 64] |= 1 << (n % 64);
+    }
+    seen.iter().map(|word| word.count_ones() as usize).sum()
+}
+
 impl<T> Delta<T> {
     /// True if nothing changed.
     pub fn is_empty(&self) -> bool {
@@ -233,19 +245,14 @@ impl<T> Delta<T> {
         ranges
     }
 
-    /// Bytes of the entries that differ, each counted once. One pass over the writes, without sorting them.
+    /// [`Delta::touched`] of the entries that there are now, since the delta was made: those that a mirror must be sent.
+    pub fn written(&self) -> impl Iterator<Item = usize> + '_ {
+        self.touched().filter(|&i| i < self.new_len)
+    }
+
+    /// Bytes of the entries that differ and that there are now, each counted once.
     pub fn dirty_bytes(&self) -> usize {
-        let common = |w: &&(u32, T)| (w.0 as usize) < self.restore_from;
-        let mut seen = Vec::new();
-        for &(index, _) in self.writes.iter().filter(common) {
-            let (word, bit) = (index as usize / 64, 1u64 << (index % 64));
-            if word >= seen.len() {
-                seen.resize((word + 1).max(2 * seen.len()), 0);
-            }
-            seen[word] |= bit;
-        }
-        let written: usize = seen.iter().map(|word| word.count_ones() as usize).sum();
-        (written + self.len.max(self.new_len) - self.restore_from) * std::mem::size_of::<T>()
+        distinct(self.written()) * std::mem::size_of::<T>()
     }
 
     /// Heap bytes that the delta holds.
@@ -372,7 +379,7 @@ mod tests {
             run(&mut array, &edit);
             let delta = array.take_delta();
             let ranges = delta.dirty_ranges(0);
-            let entries: usize = ranges.iter().map(|r| r.len()).sum();
+            let entries = ranges.iter().flat_map(|r| r.clone()).filter(|&i| i < array.len()).count();
             prop_assert_eq!(delta.dirty_bytes(), entries * std::mem::size_of::<u32>());
             for i in 0..array.len().max(start.len()) {
                 if array.get(i) != start.get(i) {

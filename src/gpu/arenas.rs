@@ -20,7 +20,7 @@ pub enum ArenaKind {
     Vertices,
     /// Bones, rows and influences.
     Terms,
-    /// Joint matrices, displacements, fades.
+    /// Joint matrices, displacements, fades, turns.
     Vectors,
     /// Face records.
     Faces,
@@ -40,12 +40,17 @@ const KINDS: [(ArenaKind, &str, usize); 6] = [
 ];
 
 /// GPU bytes that a model takes without headroom, from its counts: vertices 40 + 16 (final position), wedges 32 + 16
-/// (final normal), faces 32, 8 a bone, row entry or influence.
-pub fn bytes_per_model(vertices: usize, wedges: usize, faces: usize, terms: usize) -> usize {
+/// (final normal), faces 32, 8 a bone, row entry or influence (`terms`), 16 a vector: three a joint, one a particle's displacement
+/// (four while particles turn), and, once anything has faded, one a vertex.
+///
+/// A closed surface has two faces a vertex. With one wedge a vertex, two bones and four influences that makes 216 bytes a vertex, and
+/// 232 once it was torn.
+pub fn bytes_per_model(vertices: usize, wedges: usize, faces: usize, terms: usize, vectors: usize) -> usize {
     vertices * (size_of::<VertexRecord>() + 16)
         + wedges * (size_of::<Wedge>() + 16)
         + faces * size_of::<FaceRecord>()
         + terms * size_of::<Term>()
+        + vectors * 16
 }
 
 /// Elements of an arena that belong to one stream of one tissue: `start .. start + len` in use, more reserved.
@@ -80,6 +85,7 @@ pub struct Arenas {
     /// Counts up whenever a buffer was replaced, so that bind groups know.
     generation: u64,
     belt: Belt,
+    structure_bytes: u64,
 }
 
 const USAGE: wgpu::BufferUsages =
@@ -97,7 +103,7 @@ impl Arenas {
             let buffer = make_buffer(context.device(), name, u64::from(SMALLEST) * stride as u64);
             Arena { name, stride: stride as u64, buffer, allocator }
         });
-        Self { arenas, generation: 0, belt: Belt::new(context) }
+        Self { arenas, generation: 0, belt: Belt::new(context), structure_bytes: 0 }
     }
 
     /// The buffer of a kind.
@@ -113,6 +119,21 @@ impl Arenas {
     /// Bytes uploaded so far.
     pub fn bytes_uploaded(&self) -> u64 {
         self.belt.bytes_uploaded()
+    }
+
+    /// Those of them that were structure: records and terms.
+    pub fn structure_bytes(&self) -> u64 {
+        self.structure_bytes
+    }
+
+    /// Bytes of all buffers.
+    pub fn bytes_held(&self) -> u64 {
+        self.arenas.iter().map(|a| a.buffer.size()).sum()
+    }
+
+    /// Bytes of a slot in use.
+    pub fn bytes_used(&self, kind: ArenaKind, slot: Slot) -> u64 {
+        u64::from(slot.len) * self.arenas[kind as usize].stride
     }
 
     /// What all uploads go through.
@@ -163,6 +184,9 @@ impl Arenas {
         debug_assert!(range.end <= slot.len as usize && size_of::<T>() as u64 == self.arenas[kind as usize].stride);
         let arena = &self.arenas[kind as usize];
         let offset = (u64::from(slot.start) + range.start as u64) * arena.stride;
+        if !matches!(kind, ArenaKind::Vectors | ArenaKind::Deformed) {
+            self.structure_bytes += range.len() as u64 * arena.stride;
+        }
         self.belt.write_each(&arena.buffer, offset, range.map(element));
     }
 

@@ -55,6 +55,7 @@ pub struct Context {
     failure: Arc<OnceLock<String>>,
     deforms: bool,
     pipelines: AtomicU64,
+    read_backs: AtomicU64,
     /// [`Context::samples_of`] as far as it was asked: the driver takes its time to answer.
     samples: Mutex<Vec<(wgpu::TextureFormat, u32)>>,
 }
@@ -88,8 +89,19 @@ impl Context {
         let failure = watch(&device);
         let queue = Mutex::new(queue);
         let deforms = device.limits().max_storage_buffers_per_shader_stage >= DEFORM_STORAGE_BUFFERS;
-        let (pipelines, samples) = (AtomicU64::new(0), Mutex::default());
-        Self { kind: kind_of(&info), name: info.name, instance, adapter, device, queue, failure, deforms, pipelines, samples }
+        Self {
+            kind: kind_of(&info),
+            name: info.name,
+            instance,
+            adapter,
+            device,
+            queue,
+            failure,
+            deforms,
+            pipelines: AtomicU64::new(0),
+            read_backs: AtomicU64::new(0),
+            samples: Mutex::default(),
+        }
     }
 
     /// Another device on the same adapter, after this one was lost. Errors: the adapter is gone too.
@@ -141,6 +153,17 @@ impl Context {
     /// Counts a pipeline that was compiled.
     pub(crate) fn note_pipeline(&self) {
         self.pipelines.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Times that something was brought back from the GPU so far. (Pass times, where they are asked for, come back without a wait and
+    /// are not counted.)
+    pub fn read_backs(&self) -> u64 {
+        self.read_backs.load(Ordering::Relaxed)
+    }
+
+    /// Counts a read-back.
+    pub(crate) fn note_read_back(&self) {
+        self.read_backs.fetch_add(1, Ordering::Relaxed);
     }
 
     /// True if shaders may read enough buffers for the deform pass; else the CPU deforms ([`super::cpu_deform`]).

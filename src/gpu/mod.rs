@@ -35,10 +35,11 @@ pub mod views;
 
 pub use camera::{Bounds, Camera, Scenery};
 pub use context::{AdapterChoice, AdapterKind, Context, ContextOptions};
+pub use deform::Variant;
 pub use error::GpuError;
 pub use instruments::{Instrument, Tool};
 pub use lines::LineSegment;
-pub use renderer::{DrawOptions, GpuCounters, Renderer};
+pub use renderer::{DrawOptions, GpuCounters, Memory, Renderer};
 pub use stage::VisibilityMask;
 pub use targets::{ColourTarget, Passes, RenderTarget};
 pub use timing::GpuTimes;

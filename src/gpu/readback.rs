@@ -39,6 +39,7 @@ fn read(context: &Context, bytes: u64, copy: impl FnOnce(&mut wgpu::CommandEncod
     });
     let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read-back") });
     copy(&mut encoder, &staging);
+    context.note_read_back();
     context.queue().submit([encoder.finish()]);
     let (sender, receiver) = std::sync::mpsc::channel();
     staging.map_async(wgpu::MapMode::Read, .., move |result| drop(sender.send(result)));

@@ -41,8 +41,23 @@ pub struct GpuCounters {
     pub culled: u64,
     /// Face slots that no view could see and that were left out, those of such tissues among them.
     pub faces_culled: u64,
+    /// Those of them that follow edits: records of vertices, faces and wedges, and their terms.
+    pub structure_bytes: u64,
     /// Pipelines compiled: a hitch each, so none once a host is under way.
     pub pipelines: u64,
+    /// Code that the deform passes ran; none of it if there was no pass.
+    pub code: Variant,
+    /// Pictures and buffers brought back, each a wait for the GPU: none in a steady frame.
+    pub read_backs: u64,
+}
+
+/// GPU memory of the tissues' data, bytes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Memory {
+    /// In use: [`super::arenas::bytes_per_model`], summed over all tissues.
+    pub used: u64,
+    /// Of the buffers that hold it, headroom and all.
+    pub held: u64,
 }
 
 /// What a picture shows besides the tissues.
@@ -83,8 +98,12 @@ pub struct Renderer {
     counters: GpuCounters,
     /// Bytes that the counters have seen.
     bytes_counted: u64,
+    /// Bytes of structure that they have seen.
+    structure_counted: u64,
     /// Pipelines of the context that they have seen.
     pipelines_counted: u64,
+    /// Read-backs of the context that they have seen.
+    read_backs_counted: u64,
 }
 
 impl Renderer {
@@ -108,7 +127,9 @@ impl Renderer {
             free_slots: Vec::new(),
             counters: GpuCounters::default(),
             bytes_counted: 0,
+            structure_counted: 0,
             pipelines_counted: 0,
+            read_backs_counted: 0,
             context,
         }
     }
@@ -122,6 +143,10 @@ impl Renderer {
     pub fn take_counters(&mut self) -> GpuCounters {
         let made = self.context.pipelines_made();
         self.counters.pipelines = made - std::mem::replace(&mut self.pipelines_counted, made);
+        let read = self.context.read_backs();
+        self.counters.read_backs = read - std::mem::replace(&mut self.read_backs_counted, read);
+        let structure = self.arenas.structure_bytes();
+        self.counters.structure_bytes = structure - std::mem::replace(&mut self.structure_counted, structure);
         std::mem::take(&mut self.counters)
     }
 
@@ -179,6 +204,12 @@ impl Renderer {
         self.tissues.keys().copied()
     }
 
+    /// What the arenas hold.
+    pub fn memory(&self) -> Memory {
+        let used = self.tissues.values().map(|t| t.bytes(&self.arenas)).sum();
+        Memory { used, held: self.arenas.bytes_held() }
+    }
+
     /// Bounds of all tissues in their pose, world space.
     pub fn bounds(&self) -> Bounds {
         self.tissues.values().fold(Bounds::EMPTY, |all, t| all.union(t.posed_bounds()))
@@ -218,6 +249,7 @@ impl Renderer {
             variant.skinned |= record.flags & SKINNED != 0;
             variant.displaced |= record.flags & (DISPLACED | FADING) != 0;
             variant.rotated |= record.flags & ROTATED != 0;
+            variant.long_rows |= tissue.has_long_rows();
         }
         let table = self.table.buffer();
         let times = if timed && !deform.is_idle() { self.timer.compute("deform") } else { None };
@@ -227,6 +259,7 @@ impl Renderer {
         self.flush(encoder);
         if dispatches > 0 {
             self.shadow_of = None;
+            self.counters.code = self.counters.code.with(variant);
         }
         dispatches > 0
     }
@@ -369,24 +402,20 @@ impl Renderer {
 
     /// Final positions of a tissue's vertices as last deformed, tissue space. For error checks: waits for the GPU.
     pub fn read_positions(&self, key: u64) -> Result<Vec<[f32; 3]>, GpuError> {
-        self.read_deformed(key, GpuTissue::positions)
+        Ok(self.read_deformed(key, GpuTissue::positions)?.iter().map(|&[x, y, z, _]| [x, y, z]).collect())
     }
 
-    /// Final normals of a tissue's wedges as last deformed, tissue space. For error checks: waits for the GPU.
-    pub fn read_normals(&self, key: u64) -> Result<Vec<[f32; 3]>, GpuError> {
+    /// Final normals of a tissue's wedges as last deformed, tissue space, and how far the lip of a wound is, in diagonals. For error
+    /// checks: waits for the GPU.
+    pub fn read_normals(&self, key: u64) -> Result<Vec<[f32; 4]>, GpuError> {
         self.read_deformed(key, GpuTissue::normals)
     }
 
-    fn read_deformed(&self, key: u64, pick: impl Fn(&GpuTissue) -> Slot) -> Result<Vec<[f32; 3]>, GpuError> {
+    fn read_deformed(&self, key: u64, pick: impl Fn(&GpuTissue) -> Slot) -> Result<Vec<[f32; 4]>, GpuError> {
         let slot = pick(self.tissues.get(&key).ok_or(GpuError::UnknownTissue(key))?);
         let buffer = self.arenas.buffer(ArenaKind::Deformed);
         let bytes = readback::read_buffer(&self.context, buffer, u64::from(slot.start) * 16, u64::from(slot.len) * 16)?;
-        let (vectors, _) = bytes.as_chunks::<16>();
-        let point = |bytes: &[u8; 16]| {
-            let [x, y, z, _] = bytemuck::pod_read_unaligned::<[f32; 4]>(bytes);
-            [x, y, z]
-        };
-        Ok(vectors.iter().map(point).collect())
+        Ok(bytemuck::pod_collect_to_vec(&bytes))
     }
 
     fn new_slot(&mut self) -> Result<u32, GpuError> {

@@ -74,6 +74,7 @@ pub struct GpuTissue {
     posed: Bounds,
     largest_displacement: f64,
     rotated: bool,
+    long_rows: bool,
     /// Farthest that a turned particle may carry a vertex.
     largest_turn: f64,
     /// Length of the longest fade, metres.
@@ -118,6 +119,7 @@ impl GpuTissue {
             posed: Bounds::EMPTY,
             largest_displacement: 0.0,
             rotated: false,
+            long_rows: false,
             largest_turn: 0.0,
             largest_fade: 0.0,
             world_from_tissue: DAffine3::IDENTITY,
@@ -144,6 +146,11 @@ impl GpuTissue {
         }
         (stale.all, stale.any) = (false, false);
         stale.particles.fill(false);
+    }
+
+    /// True if some row has more than three entries, or had them before an undo.
+    pub fn has_long_rows(&self) -> bool {
+        self.long_rows
     }
 
     /// Face slots in the face arena: first and number.
@@ -211,6 +218,11 @@ impl GpuTissue {
         len - seen
     }
 
+    /// GPU bytes in use.
+    pub fn bytes(&self, arenas: &Arenas) -> u64 {
+        { self.slots }.all().iter().map(|(kind, slot)| arenas.bytes_used(*kind, **slot)).sum()
+    }
+
     /// Gives all ranges back.
     pub fn release(&mut self, arenas: &mut Arenas) {
         for (kind, slot) in self.slots.all() {
@@ -232,6 +244,7 @@ impl GpuTissue {
             TissueDirty::Ranges(ranges) if !full => ranges.clone(),
             _ => full_ranges(view),
         };
+        self.long_rows &= !full;
         self.upload_structure(arenas, view, &ranges);
         self.grow_rest_bounds(view, &ranges.vertices, full);
         self.clusters.grow(view, clamped(&ranges.faces, self.slots.faces.len), full);
@@ -286,6 +299,7 @@ impl GpuTissue {
         let slots = &self.slots;
         let before = arenas.bytes_uploaded();
         for range in clamped(&ranges.vertices, slots.vertices.len) {
+            self.long_rows |= range.clone().any(|v| view.rows.rows.row(v).len() > 3);
             arenas.upload(ArenaKind::Vertices, slots.vertices, range, |v| vertex_record(view, v));
         }
         for range in clamped(&ranges.bones, slots.bones.len) {

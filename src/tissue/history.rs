@@ -1,28 +1,30 @@
 //! Going back and forth between the states of a tissue (MATHS 7), and checking them.
 
 use super::{Tissue, TissueDelta};
-use crate::geometry::{Plane, VertexId};
+use crate::geometry::{Plane, VertexId, distinct};
 use glam::DVec3;
 use std::sync::Arc;
 
 impl TissueDelta {
-    /// Bytes that a GPU mirror needs to follow: the dirty entries of every mirrored array.
+    /// Bytes that a GPU mirror needs to follow: the records of what differs, each once.
     pub fn upload_bytes(&self) -> usize {
         let Self { mesh, rows, map, .. } = self;
-        mesh.faces.dirty_bytes()
-            + mesh.opposite.dirty_bytes()
-            + mesh.face_wedges.dirty_bytes()
-            + mesh.vertex_half_edge.dirty_bytes()
+        let spans = rows.rows.spans.written().chain(rows.bones.spans.written()).chain(map.influences.spans.written());
+        let vertices = distinct(mesh.vertex_half_edge.written().chain(rows.rest_position.written()).chain(spans));
+        let faces = distinct(mesh.face_wedges.written().chain(mesh.opposite.written()).chain(mesh.face_info.written()));
+        vertices * VERTEX_BYTES
+            + faces * FACE_BYTES
             + mesh.wedges.dirty_bytes()
-            + rows.rest_position.dirty_bytes()
-            + rows.rows.spans.dirty_bytes()
             + rows.rows.entries.dirty_bytes() / 2 // weights travel as f32
-            + rows.bones.spans.dirty_bytes()
             + rows.bones.entries.dirty_bytes()
-            + map.influences.spans.dirty_bytes()
             + map.influences.entries.dirty_bytes()
     }
 }
+
+/// Bytes of a vertex' record on the GPU: rest position, half-edge, and where its bones, row and influences lie.
+const VERTEX_BYTES: usize = 40;
+/// Bytes of a face's: wedges, opposite half-edges, material, section.
+const FACE_BYTES: usize = 32;
 
 impl Tissue {
     /// Applies deltas, last to first, and returns those that lead back. Vertices that stay alive fade from where they stand,
@@ -73,13 +75,11 @@ impl Tissue {
 
     /// Bytes of everything that a GPU mirrors of a fresh tissue.
     pub fn full_upload_bytes(&self) -> usize {
-        let influences = self.layer.as_ref().map_or(0, |l| l.map.influences.len() * 8 + l.map.influences.rows() * 8);
-        self.mesh.face_slots() * (12 + 12 + 12)
+        let influences = self.layer.as_ref().map_or(0, |l| l.map.influences.arena().len());
+        self.mesh.face_slots() * FACE_BYTES
             + self.mesh.wedges().len() * 32
-            + self.rows.len() * (4 + 12 + 8 + 8)
-            + self.rows.rows.len() * 8
-            + self.rows.bones.len() * 8
-            + influences
+            + self.rows.len() * VERTEX_BYTES
+            + (self.rows.rows.arena().len() + self.rows.bones.arena().len() + influences) * 8
     }
 
     /// Number of terms of the longest row.

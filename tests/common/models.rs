@@ -42,9 +42,15 @@ pub fn settings(model: &Model) -> TissueSettings {
 
 /// A scene with one tissue; the flag tells whether the model has an animation.
 pub fn scene(name: &str, faces: usize) -> (Scene, bool) {
+    scene_of(name, faces, true)
+}
+
+/// [`scene`] with particles or without.
+pub fn scene_of(name: &str, faces: usize, soft: bool) -> (Scene, bool) {
     let model = model(name, faces);
     let animated = !model.rig.animations.is_empty();
-    let settings = settings(&model);
+    let mut settings = settings(&model);
+    settings.particles = settings.particles.filter(|_| soft);
     let tissue = Tissue::new(model, &settings).unwrap();
     let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
     (Scene::new(tissue, tools), animated)

@@ -1,0 +1,186 @@
+//! Normals and lips of wounded models from the GPU, against f64: normals of the final positions (MATHS 2.3), and the CPU's twin of the
+//! deform pass, which is what an adapter with few storage buffers runs.
+#![cfg(feature = "gpu")]
+
+mod common;
+mod gpu_support;
+
+use common::models::scene_of;
+use glam::DVec3;
+use gpu_support::{context, plain_context};
+use incise::app::{App, FrameCounters, FrameTarget, FrameView};
+use incise::diagnostics::Stages;
+use incise::geometry::{Mesh, Plane, VertexId, WedgeId};
+use incise::gpu::GpuError;
+use incise::host::mirror::Mirror;
+use incise::input::InputFrame;
+use incise::scene::EditCommand;
+use incise::surgery::{BladePose, WallMode};
+use incise::tissue::Tissue;
+use std::collections::BTreeSet;
+
+/// The reach of DESIGN 4, radians.
+const TOLERANCE: f64 = 1e-3;
+
+/// The same scene, deformed on the GPU and on the CPU.
+struct Twins {
+    gpu: Mirror,
+    cpu: Mirror,
+}
+
+impl FrameTarget for Twins {
+    type Error = GpuError;
+
+    fn present(&mut self, view: &FrameView, _: &mut Stages, _: &mut FrameCounters) -> Result<(), GpuError> {
+        for mirror in [&mut self.gpu, &mut self.cpu] {
+            mirror.sync(view)?;
+            mirror.renderer_mut().deform()?;
+        }
+        Ok(())
+    }
+}
+
+/// 24 frames of an animated model, with particles or without.
+fn play(name: &str, faces: usize, soft: bool, wall: WallMode, commands: impl Fn(usize) -> Vec<EditCommand>) -> (App, Twins) {
+    let mut twins = Twins { gpu: Mirror::new(context()), cpu: Mirror::new(plain_context()) };
+    let (mut scene, _) = scene_of(name, faces, soft);
+    scene.set_animation(Some(0));
+    scene.set_wall(wall);
+    let mut app = App::new(scene, 1.0, || 0);
+    for number in 0..24 {
+        let time_s = number as f64 / 60.0;
+        let input = InputFrame { time_s, step_s: 1.0 / 60.0, commands: commands(number), ..InputFrame::default() };
+        app.frame(&input, &mut twins).expect("a frame");
+    }
+    (app, twins)
+}
+
+fn tear(number: usize) -> Vec<EditCommand> {
+    let mut commands = Vec::new();
+    if number == 0 {
+        commands.push(EditCommand::StrokeBegin { width: 0.012 });
+        for k in 0..7 {
+            let tip = DVec3::new(-0.12 + 0.04 * f64::from(k), 0.015, -0.02 + 0.006 * f64::from(k));
+            commands.push(EditCommand::StrokePose(BladePose { t: 0.1 * f64::from(k), tip, base: tip + DVec3::Y * 0.3 }));
+        }
+        commands.push(EditCommand::StrokeEnd);
+        commands.push(EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, 0.05, 0.05), radius: 0.08 });
+        commands.push(EditCommand::GrabMove { id: 1, by: DVec3::new(0.0, 0.01, 0.02) });
+    }
+    commands
+}
+
+fn capped_cut(number: usize) -> Vec<EditCommand> {
+    let plane = Plane::Equation { normal: DVec3::new(0.2, 0.95, 0.25), offset: 0.005 };
+    if number == 4 { vec![EditCommand::CutClosed(plane)] } else { tear(number) }
+}
+
+fn angle(a: DVec3, b: DVec3) -> f64 {
+    a.cross(b).length().atan2(a.dot(b))
+}
+
+/// The first three of three or four numbers.
+fn vector<const N: usize>(n: &[f32; N]) -> DVec3 {
+    glam::Vec3::from_slice(n).as_dvec3()
+}
+
+/// How far the GPU is off, over all wedges in use of all tissues.
+#[derive(Debug, Default)]
+struct Found {
+    wedges: usize,
+    /// Wedges whose normal the rounding of positions to f32 alone may turn by more than [`TOLERANCE`]: all that a sliver knows of its
+    /// own normal is lost when its corners are stored.
+    slivers: usize,
+    /// Radians from the f64 normal of the f64 positions, slivers apart.
+    worst: f64,
+    /// Radians from the f64 normal of the positions that the GPU itself came to; no wedge is left out.
+    worst_of_own: f64,
+    /// Radians from the normals without displacements: the control.
+    undisplaced: f64,
+    /// Wedges nearer to a lip than what does not look like one, and the largest difference, diagonals.
+    near_lips: usize,
+    worst_lip: f64,
+}
+
+/// Area-weighted normal of a wedge (MATHS 2.3), not of length 1, and the length of all edges that went in.
+fn gathered(mesh: &Mesh, w: WedgeId, positions: &[DVec3]) -> (DVec3, f64) {
+    let (wedge, mut sum, mut edges) = (mesh.wedge(w), DVec3::ZERO, 0.0);
+    for h in mesh.fan(wedge.vertex) {
+        if mesh.wedge(mesh.face_wedges(h.face())[h.corner()]).group == wedge.group {
+            let [a, b, c] = mesh.face(h.face()).map(|v| positions[v.index()]);
+            sum += (b - a).cross(c - a);
+            edges += a.distance(b) + b.distance(c) + c.distance(a);
+        }
+    }
+    (sum, edges)
+}
+
+fn look(tissue: &Tissue, twins: &Twins, key: u64, found: &mut Found) {
+    let normals = |mirror: &Mirror| mirror.renderer().read_normals(key).expect("normals");
+    let (gpu, cpu) = (normals(&twins.gpu), normals(&twins.cpu));
+    let own: Vec<DVec3> = twins.gpu.renderer().read_positions(key).expect("positions").iter().map(vector).collect();
+    let mesh = tissue.mesh();
+    let vertices = || (0..mesh.vertex_slots()).map(VertexId::new);
+    let exact: Vec<DVec3> = vertices().map(|v| tissue.position(v)).collect();
+    let skinned: Vec<DVec3> = vertices().map(|v| tissue.skinned(v)).collect();
+    let used: BTreeSet<WedgeId> = mesh.live_faces().flat_map(|f| mesh.face_wedges(f)).collect();
+    for w in used {
+        let (normal, lip) = (vector(&gpu[w.index()]), gpu[w.index()][3]);
+        let v = mesh.wedge(w).vertex;
+        let moved = |v: VertexId| exact[v.index()] != skinned[v.index()];
+        found.wedges += 1;
+        if mesh.fan(v).any(|h| mesh.face(h.face()).into_iter().any(moved)) {
+            let (sum, edges) = gathered(mesh, w, &exact);
+            if f64::from(f32::EPSILON) * tissue.diagonal() * edges > TOLERANCE * sum.length() {
+                found.slivers += 1;
+            } else {
+                found.worst = found.worst.max(angle(normal, sum));
+            }
+            found.worst_of_own = found.worst_of_own.max(angle(normal, gathered(mesh, w, &own).0));
+            found.undisplaced = found.undisplaced.max(angle(normal, gathered(mesh, w, &skinned).0));
+        } else {
+            let a = tissue.pose().blended_linear(tissue.rows(), v);
+            let rest = vector(&mesh.wedge(w).normal);
+            found.worst = found.worst.max(angle(normal, a.inverse().transpose() * a.determinant() * rest));
+            found.undisplaced = found.undisplaced.max(angle(normal, rest));
+        }
+        found.near_lips += usize::from(cpu[w.index()][3] < 0.03);
+        found.worst_lip = found.worst_lip.max(f64::from((lip - cpu[w.index()][3]).abs()));
+    }
+}
+
+#[test]
+fn normals_and_lips_of_wounded_models_equal_the_f64_ones() {
+    type Play = fn(usize) -> Vec<EditCommand>;
+    for (what, name, faces, soft, wall, commands) in [
+        ("torn open", "beam", 2400, true, WallMode::Open, tear as Play),
+        ("torn closed", "beam", 2400, true, WallMode::Closed, tear),
+        ("torn, cut, capped", "beam", 2400, true, WallMode::Closed, capped_cut),
+        ("torn, cut, capped", "heart", 6000, true, WallMode::Closed, capped_cut),
+        ("without particles", "beam", 2400, false, WallMode::Closed, capped_cut),
+    ] {
+        let (app, twins) = play(name, faces, soft, wall, commands);
+        let mut found = Found::default();
+        for (id, tissue) in app.scene.tissues() {
+            look(tissue, &twins, u64::from(id.0), &mut found);
+        }
+        println!("{name}, {what}: {found:?}");
+        assert_eq!(app.scene.tissues().count(), if what.starts_with("torn") && !what.contains("cut") { 1 } else { 2 });
+        assert!(found.worst < TOLERANCE && found.worst_of_own < TOLERANCE, "{name}, {what}: {found:?}");
+        assert!(found.slivers * 50 < found.wedges, "{name}, {what}: {found:?}");
+        assert!(found.near_lips > 100 && found.worst_lip < 1e-6, "{name}, {what}: {found:?}");
+        // The control: normals without displacements, or where there are none, without the pose.
+        assert!(found.undisplaced > 100.0 * TOLERANCE, "{name}, {what}: {found:?}");
+    }
+}
+
+/// The comparison of lips can fail.
+#[test]
+fn lips_of_another_wound_are_noticed() {
+    let (app, torn) = play("beam", 2400, true, WallMode::Closed, tear);
+    let id = u64::from(app.scene.tissues().next().expect("a tissue").0.0);
+    let (_, whole) = play("beam", 2400, true, WallMode::Closed, |_| Vec::new());
+    let lips = |mirror: &Mirror| mirror.renderer().read_normals(id).expect("normals").iter().map(|n| n[3]).collect::<Vec<_>>();
+    let (torn, whole) = (lips(&torn.gpu), lips(&whole.cpu));
+    assert!(torn.iter().zip(&whole).any(|(a, b)| (a - b).abs() > 0.01));
+}
