@@ -87,6 +87,7 @@ fn main() {
             let Plane::Equation { normal, offset: d } = plane else { continue };
             let world = Plane::Equation { normal, offset: d + normal.dot(offset) };
             let mut scene = Scene::new(subject, tools);
+            scene.set_measuring(false); // areas and volumes are the report's, not the cut's; peers have none either
             let (mut times, mut all) = (Vec::new(), Vec::new());
             for _ in 0..=rounds {
                 let mut stages = Stages::default();

@@ -24,7 +24,6 @@ pub struct Variant {
 }
 
 impl Variant {
-    /// All that there are to compile; [`Variant::index`] is the place here.
     /// All that the deform shader has; normals are gathered from final positions, and know nothing of turns and rows.
     const DEFORM: Self = Self::of(0b1111);
     const NORMALS: Self = Self::of(0b0011);

@@ -37,12 +37,12 @@ pub struct GpuCounters {
     pub draws: u64,
     /// Bytes sent to the GPU.
     pub bytes_uploaded: u64,
+    /// Those of them that follow edits: records of vertices, faces and wedges, and their terms.
+    pub structure_bytes: u64,
     /// Tissues that no view could see and that were not drawn.
     pub culled: u64,
     /// Face slots that no view could see and that were left out, those of such tissues among them.
     pub faces_culled: u64,
-    /// Those of them that follow edits: records of vertices, faces and wedges, and their terms.
-    pub structure_bytes: u64,
     /// Pipelines compiled: a hitch each, so none once a host is under way.
     pub pipelines: u64,
     /// Code that the deform passes ran; none of it if there was no pass.
