@@ -6,21 +6,29 @@ use glam::DVec3;
 use std::sync::Arc;
 
 impl TissueDelta {
-    /// Bytes that a GPU mirror needs to follow: the dirty entries of every mirrored array.
-    pub fn upload_bytes(&self) -> usize {
+    /// Bytes that a GPU mirror needs to follow: the dirty entries of every mirrored array. `seen` is scratch.
+    pub fn upload_bytes(&self, seen: &mut Vec<u64>) -> usize {
         let Self { mesh, rows, map, .. } = self;
-        mesh.faces.dirty_bytes()
-            + mesh.opposite.dirty_bytes()
-            + mesh.face_wedges.dirty_bytes()
-            + mesh.vertex_half_edge.dirty_bytes()
-            + mesh.wedges.dirty_bytes()
-            + rows.rest_position.dirty_bytes()
-            + rows.rows.spans.dirty_bytes()
-            + rows.rows.entries.dirty_bytes() / 2 // weights travel as f32
-            + rows.bones.spans.dirty_bytes()
-            + rows.bones.entries.dirty_bytes()
-            + map.influences.spans.dirty_bytes()
-            + map.influences.entries.dirty_bytes()
+        mesh.faces.dirty_bytes(seen)
+            + mesh.opposite.dirty_bytes(seen)
+            + mesh.face_wedges.dirty_bytes(seen)
+            + mesh.vertex_half_edge.dirty_bytes(seen)
+            + mesh.wedges.dirty_bytes(seen)
+            + rows.rest_position.dirty_bytes(seen)
+            + rows.rows.spans.dirty_bytes(seen)
+            + rows.rows.entries.dirty_bytes(seen) / 2 // weights travel as f32
+            + rows.bones.spans.dirty_bytes(seen)
+            + rows.bones.entries.dirty_bytes(seen)
+            + map.influences.spans.dirty_bytes(seen)
+            + map.influences.entries.dirty_bytes(seen)
+    }
+
+    /// Adds what the next edit changed.
+    pub fn append(&mut self, later: &Self) {
+        self.mesh.append(&later.mesh);
+        self.rows.append(&later.rows);
+        self.map.append(&later.map);
+        self.strips.append(&later.strips);
     }
 }
 
