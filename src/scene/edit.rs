@@ -247,7 +247,7 @@ impl Scene {
             let StrokeOf { id, ref stroke, ref before, .. } = *ended;
             report.area_before += before.area;
             report.volume_before += before.volume;
-            add_segments(&mut report, &stroke);
+            add_segments(&mut report, stroke);
             self.last_boxes.extend(stroke.boxes().iter().map(|b| b.carried(|p| tissue.to_model(p))));
             self.last_slits.extend(stroke.slits().iter().map(|s| s.carried(|p| tissue.to_model(p))));
             if !stroke.has_torn() {
