@@ -178,7 +178,8 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
     const STROKE: usize = 90;
     app.scene.set_measuring(false);
     let (mut began, mut moved, mut cut, mut ended) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let mut allocations = 0;
+    let mut allocations = [0; 4];
+    let mut stages: [Vec<f64>; 5] = Default::default();
     for stroke in 0..11 {
         let y = 0.03 - 0.006 * stroke as f64;
         for k in 0..STROKE + 45 {
@@ -200,16 +201,21 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
             let report = app.frame(&input, target).expect("a frame");
             let whole = start.elapsed().as_secs_f64() * 1e3 - target.submit_ms;
             assert_eq!(report.counters.dispatches, 2, "the heart beats");
-            let times = match k {
+            let (times, most) = match k {
                 _ if stroke == 0 => continue,
-                0 => &mut began,
-                STROKE => &mut ended,
+                0 => (&mut began, 0),
+                STROKE => (&mut ended, 3),
                 k if k > STROKE => continue,
-                _ if vertex_slots(app) > slots => &mut cut,
-                _ => &mut moved,
+                _ if vertex_slots(app) > slots => {
+                    let app_ms = ["edit", "pose", "physics"].map(|stage| report.stages.get(stage));
+                    let all = app_ms.into_iter().chain([target.sync_ms, target.encode_ms]);
+                    stages.iter_mut().zip(all).for_each(|(stage, ms)| stage.push(ms));
+                    (&mut cut, 2)
+                }
+                _ => (&mut moved, 1),
             };
             times.push(whole);
-            allocations = allocations.max(report.counters.allocations + target.sync_allocations);
+            allocations[most] = (report.counters.allocations + target.sync_allocations).max(allocations[most]);
         }
     }
     let segments = cut.len();
@@ -219,12 +225,14 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
         format!("{middle:.4} (99 %: {:.4})", times[times.len() * 99 / 100])
     };
     println!(
-        "torn: a stroke begins {} ms, the blade moves {}, cuts {}, ends {}; {segments} cuts, most allocations {allocations}",
+        "torn: a stroke begins {} ms, the blade moves {}, cuts {}, ends {}; {segments} cuts, most allocations {allocations:?}",
         row(&mut began),
         row(&mut moved),
         row(&mut cut),
         row(&mut ended),
     );
+    let [edit, pose, physics, sync, encode] = stages.each_mut().map(|stage| row(stage));
+    println!("a cut: edit {edit} ms, pose {pose}, physics {physics}, sync {sync}, encode {encode}");
 }
 
 fn run(submits: bool) {

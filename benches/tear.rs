@@ -131,7 +131,7 @@ fn tear(tissue: &mut Tissue, case: &Case, poses: &[BladePose]) -> (Vec<SegmentRe
         let start = Instant::now();
         stroke.push(tissue, *pose);
         pushes.push(start.elapsed().as_secs_f64() * 1e3);
-        stroke.take_deltas();
+        stroke.drain_deltas(|_| {});
     }
     stroke.release(tissue);
     let reports = stroke.reports().iter().filter(|r| r.new_vertices > 0).cloned().collect();

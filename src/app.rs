@@ -143,6 +143,7 @@ impl App {
         counters.allocations = (self.allocations)() - allocated;
         let view = FrameView { scene: &self.scene, changes: &changes, layers: &self.layers, time_s: input.time_s };
         target.present(&view, stages, counters)?;
+        self.scene.give_back_changes(changes);
         Ok(report)
     }
 }

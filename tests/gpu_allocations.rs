@@ -12,6 +12,7 @@ use incise::gpu::{Camera, Context, ContextOptions, DrawOptions, GpuError};
 use incise::host::mirror::Mirror;
 use incise::input::InputFrame;
 use incise::scene::EditCommand;
+use incise::surgery::BladePose;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use std::alloc::System;
 use std::sync::Arc;
@@ -96,4 +97,42 @@ fn a_steady_grab_allocates_nothing_of_ours() {
     }
     assert!(counts[30..39].iter().all(|c| *c == (0, 0)), "{counts:?}");
     assert_eq!(counts[39], (0, 1), "the control is noticed");
+}
+
+/// A frame that tears a beating heart with wounds in it allocates nothing but where an array has to grow: a few times in a stroke,
+/// and ever more rarely.
+#[test]
+fn a_tear_of_a_beating_heart_allocates_next_to_nothing_of_ours() {
+    const STROKE: u32 = 60;
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
+    let mut target = Target { mirror: Mirror::new(context), in_sync: 0, leaky: false };
+    let (mut scene, animated) = scene("heart", 4_000);
+    scene.set_animation(animated.then_some(0));
+    scene.set_measuring(false);
+    let mut app = App::new(scene, 1.0, allocations);
+    let (mut begun, mut moved, mut torn) = (Vec::new(), Vec::new(), Vec::new());
+    for number in 0..8 * STROKE {
+        let (stroke, k) = (number / STROKE, number % STROKE);
+        let (x, y) = (0.002 * f64::from(k) - 0.05, 0.03 - 0.006 * f64::from(stroke));
+        let (tip, base) = (DVec3::new(x, y, 0.02), DVec3::new(x, y, 0.12));
+        let pose = EditCommand::StrokePose(BladePose { t: f64::from(k) / 90.0, tip, base });
+        let commands = match k {
+            0 => vec![EditCommand::StrokeBegin { width: 0.002 }, pose],
+            50 => vec![EditCommand::StrokeEnd],
+            _ if k < 50 => vec![pose],
+            _ => Vec::new(),
+        };
+        let version = |app: &App| app.scene.tissues().map(|(_, t)| t.versions().structure).sum::<u64>();
+        let before = version(&app);
+        let input = InputFrame { time_s: f64::from(number) / 90.0, step_s: 1.0 / 90.0, commands, ..InputFrame::default() };
+        let report = app.frame(&input, &mut target).expect("a frame");
+        let counts = if version(&app) > before { &mut torn } else { &mut moved };
+        if stroke >= 5 && k != 50 {
+            (if k == 0 { &mut begun } else { counts }).push(report.counters.allocations + target.in_sync);
+        }
+    }
+    torn.sort_unstable();
+    assert!(torn.len() > 20 && torn[torn.len() / 2] <= 2 && torn[torn.len() * 9 / 10] <= 16, "{torn:?}");
+    assert!(moved.iter().sum::<u64>() <= 6 && begun.iter().all(|&n| n <= 40), "{begun:?}, {moved:?}");
 }

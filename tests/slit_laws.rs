@@ -174,7 +174,7 @@ fn slits(poses: &[BladePose]) -> Vec<Slit> {
     let sampling = SamplingSettings::default().scaled(2.0);
     tear_segments(poses, 0.0, sampling, &everywhere)
         .into_iter()
-        .filter_map(|s| if let TearSegment::Slit(s) = s { Some(*s) } else { None })
+        .filter_map(|s| if let TearSegment::Slit(s) = s { Some(s) } else { None })
         .collect()
 }
 

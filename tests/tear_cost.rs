@@ -42,7 +42,7 @@ fn tear(faces: usize, wall: WallMode, segments: usize) -> Vec<SegmentReport> {
         let at = centre + out * radius;
         let (tip, base) = (at - out * (0.03 * edge), at + out * (0.05 * edge));
         stroke.push(&mut tissue, BladePose { t: i as f64 / 90.0, tip, base });
-        stroke.take_deltas();
+        stroke.drain_deltas(|_| {});
     }
     stroke.release(&mut tissue);
     assert_eq!(tissue.validate(), Ok(()));

@@ -57,6 +57,14 @@ impl<T> SlotCsrDelta<T> {
     }
 }
 
+impl<T: Copy> SlotCsrDelta<T> {
+    /// Adds what the next edit changed.
+    pub fn append(&mut self, later: &Self) {
+        self.spans.append(&later.spans);
+        self.entries.append(&later.entries);
+    }
+}
+
 impl<T: Copy + Pod> SlotCsr<T> {
     /// `rows` empty rows.
     pub fn with_rows(rows: usize) -> Self {
@@ -205,6 +213,12 @@ impl<T: Copy + Pod> SlotCsr<T> {
         }
     }
 
+    /// Makes room for so many rows and entries more.
+    pub fn reserve(&mut self, rows: usize, entries: usize) {
+        self.spans.reserve(rows);
+        self.entries.reserve(entries);
+    }
+
     /// Makes room for what edits will append.
     pub fn make_room(&mut self) {
         self.spans.make_room();
@@ -218,7 +232,15 @@ impl<T: Copy + Pod> SlotCsr<T> {
 
     /// Everything changed since the last call.
     pub fn take_delta(&mut self) -> SlotCsrDelta<T> {
-        SlotCsrDelta { spans: self.spans.take_delta(), entries: self.entries.take_delta() }
+        let mut delta = SlotCsrDelta::default();
+        self.take_delta_into(&mut delta);
+        delta
+    }
+
+    /// The same into a delta whose room is used again.
+    pub fn take_delta_into(&mut self, delta: &mut SlotCsrDelta<T>) {
+        self.spans.take_delta_into(&mut delta.spans);
+        self.entries.take_delta_into(&mut delta.entries);
     }
 
     /// Goes back by the newest delta and returns the way forward.

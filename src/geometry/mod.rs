@@ -12,6 +12,7 @@ pub mod ids;
 pub mod measure;
 pub mod mesh;
 pub mod predicates;
+pub mod room;
 pub mod section_graph;
 pub mod sections;
 pub mod topology;

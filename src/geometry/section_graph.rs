@@ -52,6 +52,8 @@ pub struct SectionGraph {
     stack: Vec<u32>,
     parent: Vec<u32>,
     part_of: Vec<u32>,
+    /// The components, while nothing has changed since they were looked for.
+    kept: Option<Vec<Part>>,
 }
 
 /// Calls `mark` with every section of `mesh` that holds or held a face whose row is among `$notes`: the arrays of a mesh or of a
@@ -104,6 +106,7 @@ impl SectionGraph {
     pub fn note_edits(&mut self, mesh: &Mesh) -> bool {
         let mut any = false;
         mark_touched!(mesh, mesh, |s| any |= mark(&mut self.stale, s));
+        self.kept = self.kept.take().filter(|_| !any);
         any
     }
 
@@ -111,6 +114,7 @@ impl SectionGraph {
     pub fn note_delta(&mut self, mesh: &Mesh, inverse: &MeshDelta) -> bool {
         let mut any = false;
         mark_touched!(mesh, inverse, |s| any |= mark(&mut self.stale, s));
+        self.kept = self.kept.take().filter(|_| !any);
         any
     }
 
@@ -184,7 +188,9 @@ impl SectionGraph {
         self.list(mesh, s);
         self.parent.clear();
         self.parent.extend(0..self.loose.len() as u32);
-        let mut facts = Facts { faces: self.loose.len(), lowest_origin: u32::MAX, ..Facts::default() };
+        let mut neighbours = std::mem::take(&mut self.facts[s.index()].neighbours);
+        neighbours.clear();
+        let mut facts = Facts { faces: self.loose.len(), lowest_origin: u32::MAX, neighbours, ..Facts::default() };
         let mut parts = self.loose.len();
         for i in 0..self.loose.len() {
             let f = self.loose[i];
@@ -211,6 +217,9 @@ impl SectionGraph {
     /// The connected components of the mesh, ordered by their lowest face.
     pub fn parts(&mut self, mesh: &Mesh) -> Vec<Part> {
         self.note_edits(mesh);
+        if let Some(known) = self.kept.take() {
+            return known;
+        }
         self.fit(mesh);
         self.begin(mesh);
         let sections = mesh.sections();
@@ -230,6 +239,11 @@ impl SectionGraph {
         self.collect(mesh)
     }
 
+    /// Takes the components back that [`SectionGraph::parts`] has given: as long as nothing changes they are what there is.
+    pub fn keep(&mut self, parts: Vec<Part>) {
+        self.kept = Some(parts);
+    }
+
     /// The components that there are, for [`PartsBefore::of`].
     pub fn parts_before(&mut self, mesh: &Mesh) -> PartsBefore {
         let parts = self.parts(mesh);
@@ -241,6 +255,7 @@ impl SectionGraph {
                 before.of_origin.extend(part.loose.iter().map(|&f| (mesh.face_info(f).origin, c)));
             }
         }
+        self.keep(parts);
         before
     }
 
@@ -299,13 +314,15 @@ impl SectionGraph {
             let root = find(parent, node as u32) as usize;
             if part_of[root] == u32::MAX {
                 part_of[root] = parts.len() as u32;
+                // the first one is often the only one
+                let [whole, loose] = if parts.is_empty() { [sections, loose.len()] } else { [0; 2] };
                 parts.push(Part {
                     faces: 0,
                     vertices: 0,
                     lowest_face: FaceId::NONE,
                     lowest_origin: u32::MAX,
-                    sections: Vec::new(),
-                    loose: Vec::new(),
+                    sections: Vec::with_capacity(whole),
+                    loose: Vec::with_capacity(loose),
                 });
             }
             part_of[root] as usize

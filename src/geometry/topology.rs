@@ -33,6 +33,8 @@ pub struct TopologyScratch {
     vertices: Vec<VertexId>,
     half_edges: Vec<HalfEdge>,
     order: Vec<u64>,
+    /// Wedges of a fan, and their copies.
+    copies: Vec<(WedgeId, WedgeId)>,
     /// Half-edges that stay, with the ones across them that went.
     cut: Vec<(HalfEdge, HalfEdge)>,
     /// For each face to add the edges that its half-edges lie on: the lower half-edge of an edge that goes, or a number of its
@@ -219,7 +221,7 @@ impl Mesh {
                     continue;
                 }
                 let copy = self.add_vertex();
-                self.reassign_fan(h, v, copy);
+                self.reassign_fan(h, v, copy, &mut scratch.copies);
                 out.push(SplitVertex { vertex: copy, from: v });
             }
             at = end;
@@ -275,9 +277,9 @@ impl Mesh {
     }
 
     /// Moves the fan of `h` from vertex `v` to `copy`, with copies of its wedges.
-    fn reassign_fan(&mut self, h: HalfEdge, v: VertexId, copy: VertexId) {
+    fn reassign_fan(&mut self, h: HalfEdge, v: VertexId, copy: VertexId, copies: &mut Vec<(WedgeId, WedgeId)>) {
         let start = self.fan_start(h);
-        let mut copies: Vec<(WedgeId, WedgeId)> = Vec::new();
+        copies.clear();
         let mut at = start;
         while at.is_some() {
             let (f, k) = (at.face().index(), at.corner());
@@ -286,7 +288,7 @@ impl Mesh {
             corners[k] = copy;
             self.faces.set(f, corners);
             let mut wedges = self.face_wedges[f];
-            wedges[k] = self.copy_wedge(wedges[k], copy, &mut copies);
+            wedges[k] = self.copy_wedge(wedges[k], copy, copies);
             self.face_wedges.set(f, wedges);
             at = self.opposite(at.prev());
             if at == start {

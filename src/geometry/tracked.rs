@@ -5,6 +5,7 @@
 //! touched, never to the array (MATHS 7). Applying it restores the array bit for bit and returns the inverse.
 
 use super::hash::StateHash;
+use super::room::headroom;
 use bytemuck::Pod;
 use std::ops::{Deref, Range};
 
@@ -86,7 +87,12 @@ impl<T: Copy> Tracked<T> {
 
     /// Makes room for the entries that edits will append: a growing array is copied as a whole, which no edit should wait for.
     pub fn make_room(&mut self) {
-        self.data.reserve(self.data.len() / 8 + 256);
+        self.data.reserve(headroom(self.data.len()));
+    }
+
+    /// Makes room for so many entries more.
+    pub fn reserve(&mut self, entries: usize) {
+        self.data.reserve(entries);
     }
 
     /// [`Tracked::set`] for many entries, each listed once: `new` makes the value from the old one.
@@ -152,25 +158,26 @@ impl<T: Copy> Tracked<T> {
 
     /// Everything noted since the last call; the notes start anew.
     pub fn take_delta(&mut self) -> Delta<T> {
-        self.cut.reverse();
-        let writes = if self.log.len() < MANY_NOTES {
+        let mut delta = Delta::default();
+        self.take_delta_into(&mut delta);
+        delta
+    }
+
+    /// [`Tracked::take_delta`] into a delta whose room is used again.
+    pub fn take_delta_into(&mut self, delta: &mut Delta<T>) {
+        delta.writes.clear();
+        if self.log.len() < MANY_NOTES {
             // a copy of just the size: the notes keep their room for the next edit
-            let writes = self.log.clone();
+            delta.writes.extend_from_slice(&self.log);
             self.log.clear();
-            writes
         } else {
-            std::mem::take(&mut self.log)
-        };
-        let delta = Delta {
-            len: self.start_len,
-            writes,
-            tail: std::mem::take(&mut self.cut),
-            restore_from: self.base_len,
-            new_len: self.data.len(),
-        };
+            std::mem::swap(&mut delta.writes, &mut self.log);
+        }
+        delta.tail.clear();
+        delta.tail.extend(self.cut.drain(..).rev());
+        (delta.len, delta.restore_from, delta.new_len) = (self.start_len, self.base_len, self.data.len());
         self.start_len = self.data.len();
         self.base_len = self.start_len;
-        delta
     }
 
     /// Goes back by `delta`, which must be the newest that was taken; returns the way forward again.
@@ -200,9 +207,9 @@ impl<T: Pod> Tracked<T> {
     }
 }
 
-/// How many different numbers there are, without sorting them.
-pub fn distinct(numbers: impl Iterator<Item = usize>) -> usize {
-    let mut seen = Vec::new();
+/// How many different numbers there are, without sorting them. `seen` is scratch.
+pub fn distinct(numbers: impl Iterator<Item = usize>, seen: &mut Vec<u64>) -> usize {
+    seen.clear();
     for n in numbers {
         if n / 64 >= seen.len() {
             seen.resize((n / 64 + 1).max(2 * seen.len()), 0u64);
@@ -210,6 +217,20 @@ pub fn distinct(numbers: impl Iterator<Item = usize>) -> usize {
         seen[n / 64] |= 1 << (n % 64);
     }
     seen.iter().map(|word| word.count_ones() as usize).sum()
+}
+
+impl<T: Copy> Delta<T> {
+    /// Adds what the next change noted: the delta then goes back over both.
+    pub fn append(&mut self, later: &Self) {
+        debug_assert_eq!(self.new_len, later.len, "the change that came next");
+        let kept = self.restore_from;
+        self.writes.extend(later.writes.iter().filter(|w| (w.0 as usize) < kept));
+        if later.restore_from < kept {
+            self.tail.splice(..0, later.tail[..kept - later.restore_from].iter().copied());
+            self.restore_from = later.restore_from;
+        }
+        self.new_len = later.new_len;
+    }
 }
 
 impl<T> Delta<T> {
@@ -229,20 +250,11 @@ impl<T> Delta<T> {
         self.writes.iter().map(|w| &w.1).chain(&self.tail)
     }
 
-    /// The entries that differ between the two states, as sorted, merged index ranges of the longer one.
-    /// Gaps of at most `gap` entries are bridged, since one larger upload beats two small ones.
-    pub fn dirty_ranges(&self, gap: usize) -> Vec<Range<usize>> {
-        let mut indices: Vec<usize> = self.writes.iter().map(|w| w.0 as usize).filter(|&i| i < self.restore_from).collect();
-        indices.sort_unstable();
-        let mut ranges: Vec<Range<usize>> = Vec::new();
+    /// The entries that differ between the two states, as index ranges of the longer one, in no order, repeats possible.
+    pub fn touched_ranges(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        let written = self.writes.iter().map(|w| w.0 as usize).filter(|&i| i < self.restore_from);
         let tail = self.restore_from..self.len.max(self.new_len);
-        for range in indices.into_iter().map(|i| i..i + 1).chain((!tail.is_empty()).then_some(tail)) {
-            match ranges.last_mut() {
-                Some(last) if range.start <= last.end + gap => last.end = last.end.max(range.end),
-                _ => ranges.push(range),
-            }
-        }
-        ranges
+        written.map(|i| i..i + 1).chain((!tail.is_empty()).then_some(tail))
     }
 
     /// [`Delta::touched`] of the entries that there are now, since the delta was made: those that a mirror must be sent.
@@ -250,9 +262,9 @@ impl<T> Delta<T> {
         self.touched().filter(|&i| i < self.new_len)
     }
 
-    /// Bytes of the entries that differ and that there are now, each counted once.
-    pub fn dirty_bytes(&self) -> usize {
-        distinct(self.written()) * std::mem::size_of::<T>()
+    /// Bytes of the entries that differ and that there are now, each counted once. `seen` is scratch.
+    pub fn dirty_bytes(&self, seen: &mut Vec<u64>) -> usize {
+        distinct(self.written(), seen) * std::mem::size_of::<T>()
     }
 
     /// Heap bytes that the delta holds.
@@ -286,12 +298,24 @@ macro_rules! tracked_arrays {
             pub fn heap_bytes(&self) -> usize {
                 0 $(+ self.$field.heap_bytes())*
             }
+
+            /// Adds what the next edit changed.
+            pub fn append(&mut self, later: &Self) {
+                $(self.$field.append(&later.$field);)*
+            }
         }
 
         impl $owner {
             /// Everything changed since the last call.
             pub fn take_delta(&mut self) -> $delta {
-                $delta { $($field: self.$field.take_delta(),)* }
+                let mut delta = $delta::default();
+                self.take_delta_into(&mut delta);
+                delta
+            }
+
+            /// The same into a delta whose room is used again.
+            pub fn take_delta_into(&mut self, delta: &mut $delta) {
+                $(self.$field.take_delta_into(&mut delta.$field);)*
             }
 
             /// Goes back by `delta` (the newest taken) and returns the way forward.
@@ -374,16 +398,34 @@ mod tests {
         }
 
         #[test]
-        fn dirty_ranges_cover_every_difference(start in prop::collection::vec(any::<u32>(), 1..20), edit in ops()) {
+        fn changes_in_a_row_are_undone_and_redone_as_one(start in prop::collection::vec(any::<u32>(), 0..10), edits in prop::collection::vec(ops(), 1..6)) {
+            let mut array = Tracked::from(start.clone());
+            let (mut all, mut next) = (array.take_delta(), Delta::default());
+            for edit in &edits {
+                run(&mut array, edit);
+                array.take_delta_into(&mut next);
+                all.append(&next);
+            }
+            let end = array.to_vec();
+            let redo = array.apply(all);
+            prop_assert_eq!(&array.to_vec(), &start);
+            let undo = array.apply(redo);
+            prop_assert_eq!(&array.to_vec(), &end);
+            array.apply(undo);
+            prop_assert_eq!(&array.to_vec(), &start);
+        }
+
+        #[test]
+        fn touched_ranges_cover_every_difference(start in prop::collection::vec(any::<u32>(), 1..20), edit in ops()) {
             let mut array = Tracked::from(start.clone());
             run(&mut array, &edit);
             let delta = array.take_delta();
-            let ranges = delta.dirty_ranges(0);
-            let entries = ranges.iter().flat_map(|r| r.clone()).filter(|&i| i < array.len()).count();
-            prop_assert_eq!(delta.dirty_bytes(), entries * std::mem::size_of::<u32>());
+            let entries: std::collections::BTreeSet<usize> = delta.touched_ranges().flatten().collect();
+            let there = entries.iter().filter(|&&i| i < array.len()).count();
+            prop_assert_eq!(delta.dirty_bytes(&mut Vec::new()), there * std::mem::size_of::<u32>());
             for i in 0..array.len().max(start.len()) {
                 if array.get(i) != start.get(i) {
-                    prop_assert!(ranges.iter().any(|r| r.contains(&i)));
+                    prop_assert!(entries.contains(&i));
                 }
             }
         }

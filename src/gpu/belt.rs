@@ -77,9 +77,14 @@ impl Belt {
             self.bytes.clear();
             return;
         }
+        let whole = self.stage();
         for step in self.steps.drain(..) {
             match step {
                 Step::Write { target, offset, start, len } => {
+                    if let Some((staged, first)) = &whole {
+                        encoder.copy_buffer_to_buffer(staged, first + start as u64, &target, offset, len as u64);
+                        continue;
+                    }
                     let Some(size) = wgpu::BufferSize::new(len as u64) else { continue };
                     let mut view = self.staging.write_buffer(encoder, &target, offset, size);
                     view.copy_from_slice(&self.bytes[start..start + len]);
@@ -93,5 +98,14 @@ impl Belt {
             self.staging = wgpu::util::StagingBelt::new(context.device().clone(), PIECE);
         }
         self.bytes.clear();
+    }
+
+    /// All bytes in one piece of staging memory, and where in its buffer, unless they are too many: a piece for each of an edit's
+    /// many writes takes longer.
+    fn stage(&mut self) -> Option<(wgpu::Buffer, u64)> {
+        let size = wgpu::BufferSize::new(self.bytes.len() as u64).filter(|size| size.get() <= KEEP as u64)?;
+        let slice = self.staging.allocate(size, wgpu::BufferSize::new(wgpu::COPY_BUFFER_ALIGNMENT)?);
+        slice.get_mapped_range_mut().ok()?.copy_from_slice(&self.bytes);
+        Some((slice.buffer().clone(), slice.offset()))
     }
 }

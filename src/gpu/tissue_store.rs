@@ -240,12 +240,16 @@ impl GpuTissue {
     ) -> Result<(), GpuError> {
         let full = self.versions.is_none() || matches!(dirty, TissueDirty::Full);
         self.reserve(context, arenas, view)?;
+        let whole;
         let ranges = match dirty {
-            TissueDirty::Ranges(ranges) if !full => ranges.clone(),
-            _ => full_ranges(view),
+            TissueDirty::Ranges(ranges) if !full => ranges,
+            _ => {
+                whole = full_ranges(view);
+                &whole
+            }
         };
         self.long_rows &= !full;
-        self.upload_structure(arenas, view, &ranges);
+        self.upload_structure(arenas, view, ranges);
         self.grow_rest_bounds(view, &ranges.vertices, full);
         self.clusters.grow(view, clamped(&ranges.faces, self.slots.faces.len), full);
         self.upload_motion(arenas, view);

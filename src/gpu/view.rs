@@ -1,10 +1,9 @@
 //! What the GPU layer is shown of a tissue, and what changed in it: plain borrowed data, so that it depends on no owner.
 
 use super::error::GpuError;
-use crate::geometry::{Mesh, MeshDelta, SlotCsrDelta, Turn};
+use crate::geometry::{Delta, Mesh, MeshDelta, Turn};
 use crate::particles::{ParticleMap, ParticleMapDelta};
 use crate::rig::{Pose, VertexRows, VertexRowsDelta};
-use bytemuck::Pod;
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
 
@@ -164,56 +163,70 @@ impl TissueDirty {
 
     /// What an edit changed.
     pub fn from_deltas(mesh: &MeshDelta, rows: &VertexRowsDelta, map: &ParticleMapDelta) -> Self {
-        fn spans<T: Copy + Pod>(delta: &SlotCsrDelta<T>) -> Vec<Range<usize>> {
-            delta.spans.dirty_ranges(GAP)
-        }
-        let ranges = DirtyRanges {
-            vertices: union([
-                mesh.vertex_half_edge.dirty_ranges(GAP),
-                rows.rest_position.dirty_ranges(GAP),
-                spans(&rows.rows),
-                spans(&rows.bones),
-                spans(&map.influences),
-            ]),
-            bones: rows.bones.entries.dirty_ranges(GAP),
-            rows: rows.rows.entries.dirty_ranges(GAP),
-            influences: map.influences.entries.dirty_ranges(GAP),
-            faces: union([mesh.face_wedges.dirty_ranges(GAP), mesh.opposite.dirty_ranges(GAP), mesh.face_info.dirty_ranges(GAP)]),
-            wedges: mesh.wedges.dirty_ranges(GAP),
-        };
+        let mut ranges = DirtyRanges::default();
+        ranges.add(mesh, rows, map);
+        ranges.settle();
         Self::Ranges(ranges)
     }
 
-    /// Adds what a later edit changed.
-    pub fn merge(&mut self, later: Self) {
-        match (&mut *self, later) {
-            (Self::Full, _) => {}
-            (_, Self::Full) => *self = Self::Full,
-            (Self::Ranges(a), Self::Ranges(b)) => {
-                let join = |a: &mut Vec<Range<usize>>, b| *a = union([std::mem::take(a), b]);
-                join(&mut a.vertices, b.vertices);
-                join(&mut a.bones, b.bones);
-                join(&mut a.rows, b.rows);
-                join(&mut a.influences, b.influences);
-                join(&mut a.faces, b.faces);
-                join(&mut a.wedges, b.wedges);
-            }
+    /// What several edits changed, in the lists that were there before.
+    pub fn gather<'a>(&mut self, edits: impl Iterator<Item = (&'a MeshDelta, &'a VertexRowsDelta, &'a ParticleMapDelta)>) {
+        if let Self::Full = self {
+            *self = Self::clean();
+        }
+        if let Self::Ranges(ranges) = self {
+            ranges.lists().into_iter().for_each(|list| list.clear());
+            edits.for_each(|(mesh, rows, map)| ranges.add(mesh, rows, map));
+            ranges.settle();
         }
     }
 }
 
-/// Sorted, merged ranges that cover all lists.
-fn union<const N: usize>(lists: [Vec<Range<usize>>; N]) -> Vec<Range<usize>> {
-    let mut all: Vec<Range<usize>> = lists.into_iter().flatten().filter(|r| !r.is_empty()).collect();
-    all.sort_unstable_by_key(|r| r.start);
-    let mut merged: Vec<Range<usize>> = Vec::with_capacity(all.len());
-    for range in all {
-        match merged.last_mut() {
-            Some(last) if range.start <= last.end + GAP => last.end = last.end.max(range.end),
-            _ => merged.push(range),
-        }
+impl DirtyRanges {
+    fn lists(&mut self) -> [&mut Vec<Range<usize>>; 6] {
+        let Self { vertices, bones, rows, influences, faces, wedges } = self;
+        [vertices, bones, rows, influences, faces, wedges]
     }
-    merged
+
+    /// Lists what an edit changed, as it comes.
+    fn add(&mut self, mesh: &MeshDelta, rows: &VertexRowsDelta, map: &ParticleMapDelta) {
+        fn note<T: Copy>(list: &mut Vec<Range<usize>>, delta: &Delta<T>) {
+            delta.touched_ranges().for_each(|range| match list.last_mut() {
+                // what is written next to each other is mostly noted in that order
+                Some(last) if (last.start..=last.end).contains(&range.start) => last.end = last.end.max(range.end),
+                _ => list.push(range),
+            });
+        }
+        note(&mut self.vertices, &mesh.vertex_half_edge);
+        note(&mut self.vertices, &rows.rest_position);
+        note(&mut self.vertices, &rows.rows.spans);
+        note(&mut self.vertices, &rows.bones.spans);
+        note(&mut self.vertices, &map.influences.spans);
+        note(&mut self.bones, &rows.bones.entries);
+        note(&mut self.rows, &rows.rows.entries);
+        note(&mut self.influences, &map.influences.entries);
+        note(&mut self.faces, &mesh.face_wedges);
+        note(&mut self.faces, &mesh.opposite);
+        note(&mut self.faces, &mesh.face_info);
+        note(&mut self.wedges, &mesh.wedges);
+    }
+
+    /// Sorts the lists and merges what is near each other.
+    fn settle(&mut self) {
+        self.lists().into_iter().for_each(unite);
+    }
+}
+
+/// Sorts ranges and merges those with no more than [`GAP`] between them.
+fn unite(ranges: &mut Vec<Range<usize>>) {
+    ranges.sort_unstable_by_key(|r| r.start);
+    ranges.dedup_by(|next, last| {
+        let is_near = next.start <= last.end + GAP;
+        if is_near {
+            last.end = last.end.max(next.end);
+        }
+        is_near
+    });
 }
 
 #[cfg(test)]
@@ -222,18 +235,23 @@ mod tests {
 
     #[test]
     fn unions_cover_and_merge() {
-        assert_eq!(union([vec![40..50, 200..210], vec![0..5, 45..60]]), [0..5, 40..60, 200..210]);
-        let joined = |start: usize| union([vec![0..5, start..start + 3], Vec::new()]).len();
+        let united = |mut ranges: Vec<Range<usize>>| {
+            unite(&mut ranges);
+            ranges
+        };
+        assert_eq!(united(vec![40..50, 200..210, 0..5, 45..60]), [0..5, 40..60, 200..210]);
+        let joined = |start: usize| united(vec![0..5, start..start + 3]).len();
         assert_eq!((joined(5 + GAP), joined(6 + GAP)), (1, 2));
     }
 
     #[test]
-    fn full_stays_full() {
-        let mut dirty = TissueDirty::clean();
-        dirty.merge(TissueDirty::Ranges(DirtyRanges { wedges: union([vec![3..4, 3..4]]), ..Default::default() }));
-        assert!(matches!(&dirty, TissueDirty::Ranges(r) if r.wedges.len() == 1 && r.wedges[0] == (3..4)));
-        dirty.merge(TissueDirty::Full);
-        dirty.merge(TissueDirty::clean());
-        assert!(matches!(dirty, TissueDirty::Full));
+    fn what_is_gathered_takes_the_place_of_what_was() {
+        let mut dirty = TissueDirty::Ranges(DirtyRanges { wedges: vec![3..4, 3..4], ..Default::default() });
+        let (mesh, rows, map) = Default::default();
+        for _ in 0..2 {
+            dirty.gather([(&mesh, &rows, &map)].into_iter());
+            assert!(matches!(&dirty, TissueDirty::Ranges(r) if *r == DirtyRanges::default()));
+            dirty = TissueDirty::Full;
+        }
     }
 }

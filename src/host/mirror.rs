@@ -17,13 +17,16 @@ pub struct Mirror {
     renderer: Renderer,
     /// Tissues on the GPU and how many materials of each, by id.
     known: Vec<(TissueId, usize)>,
+    /// What has changed in a tissue.
+    dirty: TissueDirty,
     instruments: Instruments,
 }
 
 impl Mirror {
     /// An empty picture.
     pub fn new(context: Arc<Context>) -> Self {
-        Self { renderer: Renderer::new(context), known: Vec::new(), instruments: Instruments::default() }
+        let renderer = Renderer::new(context);
+        Self { renderer, known: Vec::new(), dirty: TissueDirty::clean(), instruments: Instruments::default() }
     }
 
     /// What draws.
@@ -61,7 +64,7 @@ impl Mirror {
     /// Brings the GPU's copy of the scene up to date, by what the frame says has changed. Errors: the device, or a model over
     /// the adapter's limits.
     pub fn sync(&mut self, view: &FrameView) -> Result<(), GpuError> {
-        let Self { renderer, known, instruments } = self;
+        let Self { renderer, known, dirty, instruments } = self;
         renderer.context().check()?;
         known.retain(|&(id, _)| {
             let stays = view.scene.tissue(id).is_some();
@@ -74,10 +77,16 @@ impl Mirror {
             let count = tissue.materials().len();
             let place = known.binary_search_by_key(&id, |k| k.0);
             let old = place.ok().map(|at| known[at].1);
-            let dirty = if old.is_some() { dirty_ranges(view, id) } else { TissueDirty::Full };
+            match old {
+                Some(_) => {
+                    let edits = view.changes.iter().filter(|(tissue, _)| *tissue == id);
+                    dirty.gather(edits.map(|(_, delta)| (&delta.mesh, &delta.rows, &delta.map)));
+                }
+                None => *dirty = TissueDirty::Full,
+            }
             // Pictures are looked at only when they are new.
             let materials = if old == Some(count) { Vec::new() } else { material_views(tissue.materials()) };
-            renderer.sync(u64::from(id.0), &tissue_view(tissue, &materials), &dirty)?;
+            renderer.sync(u64::from(id.0), &tissue_view(tissue, &materials), dirty)?;
             match place {
                 Ok(at) => known[at].1 = count,
                 Err(at) => known.insert(at, (id, count)),
@@ -135,14 +144,6 @@ impl Mirror {
         }
         Ok(worst)
     }
-}
-
-fn dirty_ranges(view: &FrameView, tissue: TissueId) -> TissueDirty {
-    let mut dirty = TissueDirty::clean();
-    for (_, delta) in view.changes.iter().filter(|(id, _)| *id == tissue) {
-        dirty.merge(TissueDirty::from_deltas(&delta.mesh, &delta.rows, &delta.map));
-    }
-    dirty
 }
 
 static NO_PARTICLES: std::sync::LazyLock<ParticleMap> = std::sync::LazyLock::new(ParticleMap::default);

@@ -6,6 +6,7 @@
 use super::map_update::{Update, UpdateScratch};
 use super::strip_test::{Sight, StripGeometry};
 use crate::geometry::ParticleId;
+use crate::geometry::room::fit;
 use std::ops::Range;
 
 /// Outcodes of particles to one strip, in an array that is clean between uses.
@@ -21,9 +22,7 @@ impl Codes {
         for j in self.set.drain(..) {
             self.codes[j.index()] = u16::MAX;
         }
-        if self.codes.len() < particles {
-            self.codes.resize(particles, u16::MAX);
-        }
+        fit(&mut self.codes, particles, u16::MAX);
     }
 
     fn set(&mut self, j: ParticleId, code: u16) {
@@ -127,7 +126,7 @@ impl Update<'_, '_> {
             let j = self.scratch.near[i];
             let anchor = self.map.anchors[j.index()];
             let row = self.map.neighbours.row(j.index());
-            let UpdateScratch { codes, links, .. } = &mut *self.scratch;
+            let UpdateScratch { codes, links, lost, .. } = &mut *self.scratch;
             let own = codes.of(j);
             // a link is in two rows: the first that is looked at says whether it is cut
             let is_done = |other: ParticleId| other < j && codes.known(other) != 0;
@@ -143,12 +142,13 @@ impl Update<'_, '_> {
                 continue;
             }
             // Both rows lose the link now: a lip of the strip before may be known to lie across and yet be out of reach.
-            let lost: Vec<ParticleId> = row.iter().filter(|link| !links.contains(link)).map(|link| link.particle).collect();
+            lost.clear();
+            lost.extend(row.iter().filter(|link| !links.contains(link)).map(|link| link.particle));
             self.map.neighbours.set_row(j.index(), links);
             self.report.links_removed += lost.len();
             self.report.relinked.push(j);
-            for other in lost {
-                self.remove_link(other, j);
+            for i in 0..self.scratch.lost.len() {
+                self.remove_link(self.scratch.lost[i], j);
             }
         }
     }

@@ -4,6 +4,7 @@
 //! Whatever the soft layer links must therefore be joined by an edge path that stays near. A flood enters every face
 //! with a reached corner once (two faces a vertex, where walking all fans would take six steps a vertex).
 
+use crate::geometry::room::fit;
 use crate::geometry::{HalfEdge, Mesh, VertexId};
 use glam::DVec3;
 
@@ -28,9 +29,7 @@ impl FaceQueue {
             self.round = 0;
         }
         self.round += 1;
-        if self.stamps.len() <= mesh.face_slots() {
-            self.stamps.resize(mesh.face_slots() + 1, 0);
-        }
+        fit(&mut self.stamps, mesh.face_slots() + 1, 0);
         if let Some(sentinel) = self.stamps.last_mut() {
             *sentinel = self.round;
         }
@@ -154,9 +153,7 @@ impl Flood {
             self.round = 0;
         }
         self.round += 1;
-        if self.stamps.len() < mesh.vertex_slots() {
-            self.stamps.resize(mesh.vertex_slots(), 0);
-        }
+        fit(&mut self.stamps, mesh.vertex_slots(), 0);
         self.reached.clear();
     }
 }

@@ -1,25 +1,24 @@
 //! The particle map's influences the other way round: the vertices that each particle holds, in blocks with bounds.
 
+use super::lists::Lists;
 use super::particle_map::ParticleMap;
+use crate::geometry::room::headroom;
 use crate::geometry::{ParticleId, VertexId};
 use glam::{DVec3, Vec3A};
 
 /// Vertices a block.
 const BLOCK: usize = 16;
+/// Bounds of nothing.
+const UNBOUNDED: [Vec3A; 2] = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
 
 /// Vertices by particle. A superset, which makes it cheap to keep: what a particle has once held stays listed, so undo and redo change
 /// nothing here, and who asks looks at the map too.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Holders {
-    lists: Vec<Held>,
-}
-
-/// What one particle holds or has held.
-#[derive(Clone, Debug, Default)]
-struct Held {
-    vertices: Vec<VertexId>,
+    /// What each particle holds or has held.
+    vertices: Lists<VertexId>,
     /// Bounds of each block of vertices at rest, rounded outwards.
-    bounds: Vec<[Vec3A; 2]>,
+    bounds: Lists<[Vec3A; 2]>,
 }
 
 impl Holders {
@@ -31,6 +30,15 @@ impl Holders {
         let mut order: Vec<(u32, u32)> = (0..rows).map(|v| (along_curve((rest[v] - low) * scale), v as u32)).collect();
         order.sort_unstable();
         let mut holders = Self::default();
+        let mut counts = vec![0; map.len()];
+        (0..rows).flat_map(|v| map.influences.row(v)).for_each(|i| counts[i.particle.index()] += 1);
+        for (j, &count) in counts.iter().enumerate() {
+            let room: usize = count + count / 4 + BLOCK;
+            holders.vertices.widen(j, room, VertexId::NONE);
+            holders.bounds.widen(j, room.div_ceil(BLOCK), UNBOUNDED);
+        }
+        holders.vertices.reserve(headroom(holders.vertices.room()));
+        holders.bounds.reserve(headroom(holders.bounds.room()));
         for (_, v) in order {
             for influence in map.influences.row(v as usize) {
                 holders.push(influence.particle, VertexId(v), rest[v as usize]);
@@ -41,15 +49,11 @@ impl Holders {
 
     /// Notes that `j` holds `v`, which is at `at`.
     pub(super) fn push(&mut self, j: ParticleId, v: VertexId, at: DVec3) {
-        if self.lists.len() <= j.index() {
-            self.lists.resize(j.index() + 1, Held::default());
+        if self.vertices.get(j.index()).len().is_multiple_of(BLOCK) {
+            self.bounds.push(j.index(), UNBOUNDED);
         }
-        let list = &mut self.lists[j.index()];
-        if list.vertices.len().is_multiple_of(BLOCK) {
-            list.bounds.push([Vec3A::INFINITY, Vec3A::NEG_INFINITY]);
-        }
-        list.vertices.push(v);
-        if let Some([low, high]) = list.bounds.last_mut() {
+        self.vertices.push(j.index(), v);
+        if let Some([low, high]) = self.bounds.get_mut(j.index()).last_mut() {
             (*low, *high) = (low.min(below(at)), high.max(above(at)));
         }
     }
@@ -76,9 +80,8 @@ impl Holders {
         is_seen: impl Fn(Vec3A, Vec3A) -> bool,
         mut found: impl FnMut(VertexId),
     ) {
-        let Some(list) = self.lists.get(j.index()) else { return };
         let (low, high) = (below(low), above(high));
-        for (block, &[from, to]) in list.vertices.chunks(BLOCK).zip(&list.bounds) {
+        for (block, &[from, to]) in self.vertices.get(j.index()).chunks(BLOCK).zip(self.bounds.get(j.index())) {
             if (from.cmple(high) & to.cmpge(low)).all() && is_seen(from, to) {
                 block.iter().for_each(|&v| found(v));
             }

@@ -1,10 +1,12 @@
 //! Strip tests of the links of particles: the strips that a particle's links may meet are found once and kept.
 
 use super::holders::{above, below};
+use super::lists::Lists;
 use super::particle_map::ParticleMap;
 use super::settings::ParticleSettings;
 use super::strip_test::{Sight, StripGeometry};
 use super::strips::Strips;
+use crate::geometry::room::{fit, headroom};
 use crate::geometry::{ParticleId, VertexId};
 use glam::{DVec3, Vec3A, Vec4};
 
@@ -12,12 +14,15 @@ use glam::{DVec3, Vec3A, Vec4};
 const FEW: usize = 24;
 /// Strips that a link is looked at together for.
 const BATCH: usize = 4;
+/// Strips near particles, over all of them, that are made room for at first.
+const ROOM: usize = 1 << 14;
 
 /// The strips near each particle, by particle. Anchors and strips do not move in rest space, so an update only has to look at the
 /// strips that are new; an undo, which takes strips away, forgets everything.
 #[derive(Clone, Debug, Default)]
 pub(super) struct LinkTests {
     particles: Vec<NearStrips>,
+    lists: StripLists,
     found: Vec<u32>,
     lip: Lip,
 }
@@ -56,16 +61,28 @@ struct NearStrips {
     anchor: VertexId,
     /// Strips looked at: all before this one.
     seen: usize,
-    /// Those that a link may meet, oldest first, with the anchor's outcode; 0 where its known side stands against geometry.
-    strips: Vec<(u32, u16)>,
-    /// How the anchor sees them, [`BATCH`] after [`BATCH`].
-    sights: Vec<Sights>,
-    /// Strips that the anchor may know its side of and that are not among `strips`.
+    /// Strips that the anchor may know its side of and that are not listed.
     unlisted: Vec<u32>,
     /// Number of the anchor's lip sides when the outcodes were worked out.
     lips: usize,
-    /// Place in `strips` of the one that parted the last link: it often parts the next one too.
+    /// Place in its list of the strip that parted the last link: it often parts the next one too.
     parting: usize,
+}
+
+/// The strips that a particle's links may meet, by particle.
+#[derive(Clone, Debug, Default)]
+struct StripLists {
+    /// Oldest first, with the anchor's outcode; 0 where its known side stands against geometry.
+    strips: Lists<(u32, u16)>,
+    /// How the anchor sees them, [`BATCH`] after [`BATCH`].
+    sights: Lists<Sights>,
+}
+
+/// The strips of one particle.
+#[derive(Clone, Copy)]
+struct Listed<'a> {
+    strips: &'a [(u32, u16)],
+    sights: &'a [Sights],
 }
 
 /// [`Sight`] of [`BATCH`] strips, one a lane, with their bounds.
@@ -102,7 +119,15 @@ impl Sights {
 
 impl NearStrips {
     /// True if no strip lies between the anchor and `v`. `around` are the strips that `v` may know its side of.
-    fn connects(&mut self, strips: &Strips, rest: &[DVec3], radius: f64, v: VertexId, around: &[(u32, u16)]) -> bool {
+    fn connects(
+        &mut self,
+        listed: Listed<'_>,
+        strips: &Strips,
+        rest: &[DVec3],
+        radius: f64,
+        v: VertexId,
+        around: &[(u32, u16)],
+    ) -> bool {
         let (a, p) = (rest[self.anchor.index()], rest[v.index()]);
         // where geometry says of both ends what is known of them, it settles most
         let is_plain = |code: u16, own: u16| code != 0 && own != 0 && self.lips == 0;
@@ -116,42 +141,62 @@ impl NearStrips {
             None if code == 0 => strips.crosses(k as usize, rest, self.anchor, v),
             None => strips.geometry(k as usize).crosses(a, p),
         };
-        if self.strips.get(self.parting).is_some_and(&crosses) {
+        if listed.strips.get(self.parting).is_some_and(&crosses) {
             return false;
         }
         let (d, slack) = ((p - a).as_vec3a(), Vec4::splat(Sight::slack(radius)));
         let bounds = (below(a.min(p)), above(a.max(p)));
-        for (batch, sights) in self.sights.iter().enumerate().rev() {
+        for (batch, sights) in listed.sights.iter().enumerate().rev() {
             let mut met = sights.met(d, bounds, slack);
             while met != 0 {
                 let i = BATCH * batch + met.trailing_zeros() as usize;
                 met &= met - 1;
-                if self.strips.get(i).is_some_and(&crosses) {
+                if listed.strips.get(i).is_some_and(&crosses) {
                     self.parting = i;
                     return false;
                 }
             }
         }
         // a known side may stand against geometry, so those strips are tested wherever they are
-        let code = |k: u32| self.strips.binary_search_by_key(&k, |s| s.0).map_or(0, |i| self.strips[i].1);
+        let code = |k: u32| listed.strips.binary_search_by_key(&k, |s| s.0).map_or(0, |i| listed.strips[i].1);
         !around.iter().any(|&(k, own)| is_crossed(k, code(k), own))
             && !self.unlisted.iter().any(|&k| strips.crosses(k as usize, rest, self.anchor, v))
     }
+}
 
-    fn push(&mut self, strips: &Strips, rest: &[DVec3], reach: f64, k: usize) {
-        let code = strips.code_of(k, rest, self.anchor);
-        let lane = self.strips.len() % BATCH;
-        self.strips.push((k as u32, code));
-        if lane == 0 {
-            self.sights.push(Sights::NONE);
+impl StripLists {
+    fn of(&self, j: ParticleId) -> Listed<'_> {
+        Listed { strips: self.strips.get(j.index()), sights: self.sights.get(j.index()) }
+    }
+
+    fn empty(&mut self, j: ParticleId) {
+        self.strips.empty(j.index());
+        self.sights.empty(j.index());
+    }
+
+    /// Adds a strip to those of a particle.
+    fn push(&mut self, strips: &Strips, rest: &[DVec3], (j, anchor): (ParticleId, VertexId), reach: f64, k: usize) {
+        let lane = self.strips.get(j.index()).len();
+        if lane.is_multiple_of(BATCH) {
+            self.sights.push(j.index(), Sights::NONE);
         }
-        let (at, geometry) = (rest[self.anchor.index()], strips.geometry(k));
+        self.strips.push(j.index(), (k as u32, 0));
+        self.look(strips, rest, (j, anchor), reach, lane);
+    }
+
+    /// Works out how the anchor sees the strip at a place of the particle's list.
+    fn look(&mut self, strips: &Strips, rest: &[DVec3], (j, anchor): (ParticleId, VertexId), reach: f64, place: usize) {
+        let listed = &mut self.strips.get_mut(j.index())[place];
+        let k = listed.0 as usize;
+        let code = strips.code_of(k, rest, anchor);
+        listed.1 = code;
+        let (at, geometry) = (rest[anchor.index()], strips.geometry(k));
         let (sight, bounds) = match code {
             0 => (Sight::everywhere(at), (DVec3::NEG_INFINITY, DVec3::INFINITY)),
             _ => (geometry.sight(at, reach), (geometry.low, geometry.high)),
         };
-        if let Some(sights) = self.sights.last_mut() {
-            sights.set(lane, &sight, bounds);
+        if let Some(sights) = self.sights.get_mut(j.index()).get_mut(place / BATCH) {
+            sights.set(place % BATCH, &sight, bounds);
         }
     }
 }
@@ -160,6 +205,8 @@ impl LinkTests {
     /// Forgets all strips.
     pub(super) fn clear(&mut self) {
         self.particles.clear();
+        self.lists.strips.clear();
+        self.lists.sights.clear();
         self.lip = Lip::default();
     }
 
@@ -175,27 +222,36 @@ impl LinkTests {
         let radius = settings.radius_of(map, j);
         self.lip.look(strips, rest, v);
         let around = std::mem::take(&mut self.lip.around);
-        let connects = self.near(strips, rest, map, radius, j).connects(strips, rest, radius, v, &around);
+        self.bring_up(strips, rest, map, radius, j);
+        let connects = self.particles[j.index()].connects(self.lists.of(j), strips, rest, radius, v, &around);
         self.lip.around = around;
         connects
     }
 
-    fn near(&mut self, strips: &Strips, rest: &[DVec3], map: &ParticleMap, reach: f64, j: ParticleId) -> &mut NearStrips {
-        if self.particles.len() <= j.index() {
-            self.particles.resize(map.len(), NearStrips::default());
-        }
-        let near = &mut self.particles[j.index()];
+    /// Makes room for the strips of all particles that there are.
+    pub(super) fn make_room(&mut self, particles: usize) {
+        self.particles.reserve(particles + headroom(particles));
+        self.lists.strips.reserve(ROOM);
+        self.lists.sights.reserve(ROOM / BATCH);
+    }
+
+    /// Finds the strips near a particle that have come since it was last looked at.
+    fn bring_up(&mut self, strips: &Strips, rest: &[DVec3], map: &ParticleMap, reach: f64, j: ParticleId) {
+        fit(&mut self.particles, map.len(), NearStrips::default());
+        let Self { particles, lists, found, .. } = self;
+        let near = &mut particles[j.index()];
         let anchor = map.anchors[j.index()];
         let lips = strips.lip_sides(anchor);
         if near.anchor != anchor {
             *near = NearStrips { anchor, ..NearStrips::default() };
+            lists.empty(j);
         }
         let is_stale = near.lips != lips.len() || near.seen < strips.len();
         if near.lips != lips.len() {
             near.lips = lips.len();
-            near.sights.clear();
-            for (k, _) in std::mem::take(&mut near.strips) {
-                near.push(strips, rest, reach, k as usize);
+            lists.sights.get_mut(j.index()).fill(Sights::NONE);
+            for place in 0..lists.strips.get(j.index()).len() {
+                lists.look(strips, rest, (j, anchor), reach, place);
             }
         }
         if near.seen < strips.len() {
@@ -205,24 +261,23 @@ impl LinkTests {
                 let geometry = strips.geometry(k);
                 let far = reach + geometry.margin;
                 if at.cmpge(geometry.low - far).all() && at.cmple(geometry.high + far).all() {
-                    near.push(strips, rest, reach, k);
+                    lists.push(strips, rest, (j, anchor), reach, k);
                 }
             };
             if strips.len() - from <= FEW {
                 (from..strips.len()).for_each(look);
             } else {
                 let far = reach + strips.largest_margin();
-                strips.near(at - far, at + far, &mut self.found);
-                self.found.iter().filter(|&&k| k as usize >= from).for_each(|&k| look(k as usize));
+                strips.near(at - far, at + far, found);
+                found.iter().filter(|&&k| k as usize >= from).for_each(|&k| look(k as usize));
             }
             near.seen = strips.len();
         }
         if is_stale {
             let around = lips.iter().flat_map(|lip| lip.strip.saturating_sub(1)..(strips.len() as u32).min(lip.strip + 2));
-            let is_listed = |k: &u32| near.strips.binary_search_by_key(k, |s| s.0).is_ok();
+            let is_listed = |k: &u32| lists.of(j).strips.binary_search_by_key(k, |s| s.0).is_ok();
             near.unlisted.clear();
             near.unlisted.extend(around.filter(|k| !is_listed(k)));
         }
-        near
     }
 }

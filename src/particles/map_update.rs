@@ -10,9 +10,10 @@ use super::flood::Flood;
 use super::link_tests::LinkTests;
 use super::particle_map::{Influence, Link, ParticleMap};
 use super::settings::ParticleSettings;
-use super::strips::Strips;
+use super::strips::{LipSide, Strips};
 use super::work_rows::WorkRows;
 use super::wound;
+use crate::geometry::room::fit;
 use crate::geometry::{Mesh, ParticleId, VertexId};
 use glam::DVec3;
 use std::ops::Range;
@@ -80,6 +81,16 @@ pub struct MapUpdateReport {
     pub vertices_visited: usize,
 }
 
+impl MapUpdateReport {
+    /// Nothing, in the same lists.
+    fn emptied(self) -> Self {
+        let Self { mut vertices_changed, mut particles_changed, mut relinked, mut particles_added, .. } = self;
+        vertices_changed.clear();
+        [&mut particles_changed, &mut relinked, &mut particles_added].into_iter().for_each(|list| list.clear());
+        Self { vertices_changed, particles_changed, relinked, particles_added, ..Self::default() }
+    }
+}
+
 /// Scratch of [`update_after_edit`], kept between updates.
 #[derive(Clone, Debug, Default)]
 pub struct UpdateScratch {
@@ -106,6 +117,13 @@ pub struct UpdateScratch {
     /// Rows that the update rewrote, as they were: vertex and range of `old_entries`.
     old_rows: Vec<(VertexId, Range<usize>)>,
     old_entries: Vec<Influence>,
+    /// Sides that all parents of a new vertex are on.
+    common: Vec<LipSide>,
+    candidates: Vec<ParticleId>,
+    row: Vec<Influence>,
+    pub(super) lost: Vec<ParticleId>,
+    /// A report that nobody needs any more.
+    report: MapUpdateReport,
 }
 
 impl UpdateScratch {
@@ -117,6 +135,11 @@ impl UpdateScratch {
         }
         self.visits += 1;
         self.visits
+    }
+
+    /// Takes a report back, for the room of its lists.
+    pub fn reuse(&mut self, report: MapUpdateReport) {
+        self.report = report;
     }
 
     /// The influences that the last update replaced: each vertex of [`MapUpdateReport::vertices_changed`] once, with its row
@@ -140,7 +163,8 @@ pub fn update_after_edit(
     scratch.old_rows.clear();
     scratch.old_entries.clear();
     scratch.tests = std::mem::take(&mut strips.places.links);
-    let mut update = Update { mesh, rest, map, strips, edit, settings, scratch, report: MapUpdateReport::default() };
+    let report = std::mem::take(&mut scratch.report).emptied();
+    let mut update = Update { mesh, rest, map, strips, edit, settings, scratch, report };
     update.mark_lips();
     if update.find_zone() {
         update.cut_links();
@@ -173,7 +197,9 @@ impl Update<'_, '_> {
         for new in self.edit.new_vertices.iter().filter(|n| !n.is_apart) {
             let mut parents = new.parents.into_iter().filter(|p| p.is_some());
             let Some(first) = parents.next() else { continue };
-            let mut common = self.strips.lip_sides(first).to_vec();
+            let common = &mut self.scratch.common;
+            common.clear();
+            common.extend_from_slice(self.strips.lip_sides(first));
             for parent in parents {
                 common.retain(|lip| self.strips.lip_sides(parent).contains(lip));
             }
@@ -239,7 +265,7 @@ impl Update<'_, '_> {
 
     /// Rows of new vertices: what reached their parents and still connects.
     fn give_new_vertices_rows(&mut self) {
-        let mut candidates = Vec::new();
+        let mut candidates = std::mem::take(&mut self.scratch.candidates);
         for new in self.edit.new_vertices.iter().filter(|n| self.mesh.vertex_is_live(n.vertex)) {
             candidates.clear();
             for parent in new.parents.into_iter().filter(|p| p.is_some()) {
@@ -255,6 +281,7 @@ impl Update<'_, '_> {
                 }
             }
         }
+        self.scratch.candidates = candidates;
     }
 
     /// True if `j` is near enough to move `v` and no strip lies between them.
@@ -276,11 +303,14 @@ impl Update<'_, '_> {
     /// every strip and no anchor yet; else they retire.
     fn move_clipped_anchors(&mut self) {
         let clipped = |j: &ParticleId| !self.mesh.vertex_is_live(self.map.anchors[j.index()]);
-        let clipped: Vec<ParticleId> = self.scratch.near.iter().copied().filter(clipped).collect();
-        for j in clipped {
+        let mut lost = std::mem::take(&mut self.scratch.lost);
+        lost.clear();
+        lost.extend(self.scratch.near.iter().filter(|j| clipped(j)));
+        let mut holds = std::mem::take(&mut self.scratch.work);
+        for &j in &lost {
             let old = self.map.anchors[j.index()];
             let mut best = (self.settings.spacing, VertexId::NONE);
-            let mut holds = Vec::new();
+            holds.clear();
             let s = &*self.scratch;
             let is_held = |v: VertexId| v.index() < self.map.influences.rows() && s.rows.holds(v, j, self.map);
             let everywhere = (DVec3::NEG_INFINITY, DVec3::INFINITY);
@@ -295,7 +325,7 @@ impl Update<'_, '_> {
                     best = (distance, v);
                 }
             }
-            for v in holds {
+            for &v in &holds {
                 self.scratch.rows.open(v, self.map).remove(j);
             }
             self.unlink(j);
@@ -310,6 +340,7 @@ impl Update<'_, '_> {
             }
             self.report.particles_changed.push(j);
         }
+        (self.scratch.lost, self.scratch.work) = (lost, holds);
         let map = &*self.map;
         self.scratch.near.retain(|j| map.anchors[j.index()].is_some());
     }
@@ -323,9 +354,7 @@ impl Update<'_, '_> {
     /// and those that no parent had.
     fn regain(&mut self) {
         let limit = self.settings.max_influences;
-        if self.scratch.tried.len() < self.map.len() {
-            self.scratch.tried.resize(self.map.len(), 0);
-        }
+        fit(&mut self.scratch.tried, self.map.len(), 0);
         self.scratch.rows.list(&mut self.scratch.work);
         let mut next = 0;
         while next < self.scratch.work.len() {
@@ -372,14 +401,14 @@ impl Update<'_, '_> {
 
     /// Removes a particle from its neighbours' rows and clears its own.
     fn unlink(&mut self, j: ParticleId) {
-        let row = self.map.neighbours.row(j.index()).to_vec();
-        for link in &row {
-            self.remove_link(link.particle, j);
+        let count = self.map.neighbours.row(j.index()).len();
+        for i in 0..count {
+            self.remove_link(self.map.neighbours.row(j.index())[i].particle, j);
         }
-        if !row.is_empty() {
+        if count > 0 {
             self.map.neighbours.set_row(j.index(), &[]);
             self.report.relinked.push(j);
-            self.report.links_removed += row.len();
+            self.report.links_removed += count;
         }
     }
 
@@ -458,7 +487,7 @@ impl Update<'_, '_> {
             }
         }
         let limit = self.settings.max_influences + EXTRA_INFLUENCES;
-        let mut row: Vec<Influence> = Vec::new();
+        let mut row = std::mem::take(&mut self.scratch.row);
         for i in 0..self.scratch.rows.count() {
             let v = self.scratch.rows.vertex(i);
             if !self.mesh.vertex_is_live(v) {
@@ -489,6 +518,7 @@ impl Update<'_, '_> {
                 self.replace_row(v, &row);
             }
         }
+        self.scratch.row = row;
     }
 
     /// Writes a row and keeps what it was.

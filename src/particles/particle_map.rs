@@ -51,6 +51,16 @@ pub struct ParticleMapDelta {
     pub neighbours: SlotCsrDelta<Link>,
 }
 
+impl ParticleMapDelta {
+    /// Adds what the next edit changed.
+    pub fn append(&mut self, later: &Self) {
+        self.anchors.append(&later.anchors);
+        self.rest_displacement.append(&later.rest_displacement);
+        self.influences.append(&later.influences);
+        self.neighbours.append(&later.neighbours);
+    }
+}
+
 impl ParticleMap {
     /// Number of particle slots, retired ones included.
     pub fn len(&self) -> usize {
@@ -64,12 +74,17 @@ impl ParticleMap {
 
     /// Everything changed since the last call.
     pub fn take_delta(&mut self) -> ParticleMapDelta {
-        ParticleMapDelta {
-            anchors: self.anchors.take_delta(),
-            rest_displacement: self.rest_displacement.take_delta(),
-            influences: self.influences.take_delta(),
-            neighbours: self.neighbours.take_delta(),
-        }
+        let mut delta = ParticleMapDelta::default();
+        self.take_delta_into(&mut delta);
+        delta
+    }
+
+    /// The same into a delta whose room is used again.
+    pub fn take_delta_into(&mut self, delta: &mut ParticleMapDelta) {
+        self.anchors.take_delta_into(&mut delta.anchors);
+        self.rest_displacement.take_delta_into(&mut delta.rest_displacement);
+        self.influences.take_delta_into(&mut delta.influences);
+        self.neighbours.take_delta_into(&mut delta.neighbours);
     }
 
     /// Goes back by the newest delta and returns the way forward.
@@ -80,6 +95,14 @@ impl ParticleMap {
             influences: self.influences.apply_delta(delta.influences),
             neighbours: self.neighbours.apply_delta(delta.neighbours),
         }
+    }
+
+    /// Makes room in every array for what edits will append.
+    pub fn make_room(&mut self) {
+        self.anchors.make_room();
+        self.rest_displacement.make_room();
+        self.influences.make_room();
+        self.neighbours.make_room();
     }
 
     /// Feeds the map into `hash`.

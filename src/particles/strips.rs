@@ -3,18 +3,20 @@
 //! A plane cut leaves none: it parts every edge it meets, so what it separates is no longer connected, and the sheet rule
 //! links nothing that is not connected.
 
-use super::holders::{Holders, VertexSet};
-use super::link_tests::LinkTests;
 use super::particle_map::{Influence, ParticleMap};
-use super::point_grid::PointGrid;
+use super::places::Places;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
+use crate::geometry::room::headroom;
 use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use parry3d::bounding_volume::Aabb;
 use parry3d::partitioning::Bvh;
 use thiserror::Error;
+
+/// Strips that room is made for at first.
+const STROKES_ROOM: usize = 512;
 
 /// One strip: the quad that the blade swept between two samples, in rest space.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -78,56 +80,10 @@ pub struct Strips {
     bvh: Bvh,
     /// Largest [`StripGeometry::margin`] of all strips that ever were, metres.
     largest_margin: f64,
+    /// Scratch.
+    row: Vec<LipSide>,
     /// Derived from mesh and particle map by the updates; not hashed.
     pub(super) places: Places,
-}
-
-/// What is where, for updates that look around a wound. All of it holds supersets. Undo and redo leave it as it is: whatever comes
-/// back was put in when it was made.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Places {
-    /// Particles by their anchor.
-    pub(super) anchors: PointGrid,
-    /// Vertices by particle.
-    pub(super) holders: Holders,
-    /// Strips near the particles.
-    pub(super) links: LinkTests,
-    /// Vertices that are or once were lips of each strip.
-    lips: Vec<Vec<VertexId>>,
-    /// Vertices that are or once were held from beyond a particle's radius.
-    pub(super) far: VertexSet,
-    /// Radius of an ordinary particle, and of a wound particle, metres.
-    radii: [f64; 2],
-    is_built: bool,
-}
-
-impl Places {
-    /// The one pass over everything. `reach` is the longest link.
-    fn build(rest: &[DVec3], map: &ParticleMap, lips: &SlotCsr<LipSide>, settings: &ParticleSettings) -> Self {
-        let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
-        let held = |v: VertexId| map.influences.row(v.index()).iter().map(|i| i.particle);
-        let is_far = |&v: &VertexId| held(v).any(|j| settings.weight(map, rest, v, j) <= 0.0);
-        let rows = map.influences.rows().min(rest.len());
-        let mut places = Self {
-            anchors: PointGrid::build(positions, settings.reach()),
-            holders: Holders::build(map, rest),
-            radii: [settings.radius, settings.wound.radius.min(settings.radius)],
-            is_built: true,
-            ..Self::default()
-        };
-        places.far.extend((0..rows).map(VertexId::new).filter(is_far));
-        for v in 0..lips.rows() {
-            lips.row(v).iter().for_each(|l| places.note_lip(VertexId::new(v), l.strip as usize));
-        }
-        places
-    }
-
-    fn note_lip(&mut self, v: VertexId, strip: usize) {
-        if self.lips.len() <= strip {
-            self.lips.resize(strip + 1, Vec::new());
-        }
-        self.lips[strip].push(v);
-    }
 }
 
 /// Where a strip lies in its slit.
@@ -161,6 +117,13 @@ impl StripsDelta {
     /// Heap bytes held.
     pub fn heap_bytes(&self) -> usize {
         self.strips.heap_bytes() + self.lips.heap_bytes() + self.wounds.heap_bytes()
+    }
+
+    /// Adds what the next edit changed.
+    pub fn append(&mut self, later: &Self) {
+        self.strips.append(&later.strips);
+        self.lips.append(&later.lips);
+        self.wounds.append(&later.wounds);
     }
 }
 
@@ -219,16 +182,18 @@ impl Strips {
             return;
         }
         self.lips.grow_rows(v.index() + 1);
-        let mut row: Vec<LipSide> = self.lips.row(v.index()).iter().filter(|l| l.strip != new.strip).copied().collect();
+        let row = &mut self.row;
+        row.clear();
+        row.extend(self.lips.row(v.index()).iter().filter(|l| l.strip != new.strip));
         row.push(new);
         row.sort_unstable_by_key(|l| l.strip);
-        self.lips.set_row(v.index(), &row);
+        self.lips.set_row(v.index(), row);
         self.places.note_lip(v, strip);
     }
 
     /// Vertices that may know their side of strip `k`: lips of it and of the strips before and after it, and some that are none.
     pub(super) fn lips_near(&self, k: usize) -> impl Iterator<Item = &VertexId> {
-        self.places.lips.iter().take(k + 2).skip(k.saturating_sub(1)).flatten()
+        (k.saturating_sub(1)..k + 2).flat_map(|strip| self.places.lips.get(strip))
     }
 
     /// True if the segment between two rest positions crosses no strip.
@@ -323,6 +288,17 @@ impl Strips {
         }
     }
 
+    /// Makes room for the strips, and all that goes with them, of many strokes through this many vertices and particles.
+    pub fn make_room(&mut self, vertices: usize, particles: usize) {
+        self.strips.make_room();
+        self.lips.reserve(vertices + headroom(vertices), headroom(0));
+        self.wounds.make_room();
+        self.geometry.reserve(STROKES_ROOM);
+        self.along.reserve(STROKES_ROOM);
+        self.places.lips.reserve(headroom(0));
+        self.places.links.make_room(particles);
+    }
+
     /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices; wound marks are to follow by
     /// [`Strips::take_wounds`]. `vertices[new]` is the old vertex of each of the piece's.
     pub fn extract(&self, vertices: &[VertexId]) -> Self {
@@ -352,7 +328,16 @@ impl Strips {
 
     /// Everything changed since the last call.
     pub fn take_delta(&mut self) -> StripsDelta {
-        StripsDelta { strips: self.strips.take_delta(), lips: self.lips.take_delta(), wounds: self.wounds.take_delta() }
+        let mut delta = StripsDelta::default();
+        self.take_delta_into(&mut delta);
+        delta
+    }
+
+    /// The same into a delta whose room is used again.
+    pub fn take_delta_into(&mut self, delta: &mut StripsDelta) {
+        self.strips.take_delta_into(&mut delta.strips);
+        self.lips.take_delta_into(&mut delta.lips);
+        self.wounds.take_delta_into(&mut delta.wounds);
     }
 
     /// Goes back by the newest delta and returns the way forward.

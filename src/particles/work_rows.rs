@@ -3,6 +3,7 @@
 use super::map_update::EXTRA_INFLUENCES;
 use super::particle_map::ParticleMap;
 use super::settings::MAX_INFLUENCES;
+use crate::geometry::room::fit;
 use crate::geometry::{ParticleId, VertexId};
 
 /// Particles a row may hold while it is worked on; the strongest survive the write.
@@ -62,9 +63,7 @@ impl WorkRows {
             self.round = 0;
         }
         self.round += 1;
-        if self.slots.len() < vertices {
-            self.slots.resize(vertices, (0, 0));
-        }
+        fit(&mut self.slots, vertices, (0, 0));
         self.rows.clear();
         self.inherited.clear();
     }

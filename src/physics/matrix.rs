@@ -91,6 +91,8 @@ struct Block {
 pub struct Matrix {
     heads: Vec<Head>,
     blocks: Vec<Block>,
+    /// Scratch: the blocks without the holes.
+    packed: Vec<Block>,
     entries: usize,
     /// `(2 pi f)^2`, 1/s^2: also the lower end of the spectrum.
     rate: f64,
@@ -217,13 +219,16 @@ impl Matrix {
         self.reach = Some(reach);
         self.high = self.rate * (1.0 + 2.0 * reach);
         if 2 * self.holes > self.blocks.len() {
-            let old = std::mem::take(&mut self.blocks);
-            for head in &mut self.heads {
-                let kept = &old[head.start as usize..head.end as usize];
-                head.start = self.blocks.len() as u32;
-                self.blocks.extend_from_slice(kept);
-                head.end = self.blocks.len() as u32;
+            let Self { heads, blocks, packed, .. } = self;
+            packed.clear();
+            packed.reserve(blocks.capacity());
+            for head in heads {
+                let kept = &blocks[head.start as usize..head.end as usize];
+                head.start = packed.len() as u32;
+                packed.extend_from_slice(kept);
+                head.end = packed.len() as u32;
             }
+            std::mem::swap(blocks, packed);
             self.holes = 0;
         }
     }

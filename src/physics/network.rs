@@ -44,6 +44,8 @@ pub struct Network {
     pub(super) grabs: Vec<Grab>,
     /// Empty but inside [`Self::set_grabs`].
     pub(super) released: Vec<Grab>,
+    /// Empty but inside [`Self::update_springs`].
+    pub(super) springs: Vec<(u32, f32)>,
     pub(super) held: Vec<bool>,
     /// `u` by particle: what the rest of the program reads.
     pub(super) displacement: Vec<[f64; 3]>,
@@ -73,6 +75,7 @@ impl Default for Network {
             moved: Vec::new(),
             grabs: Vec::new(),
             released: Vec::new(),
+            springs: Vec::new(),
             held: Vec::new(),
             displacement: Vec::new(),
             turns: Vec::new(),

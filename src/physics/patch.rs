@@ -26,7 +26,7 @@ impl Network {
             let has_springs = row(p).into_iter().any(|spring| sound(p, &spring));
             swapped |= self.change_camp(p, has_springs);
         }
-        let mut springs = Vec::new();
+        let mut springs = std::mem::take(&mut self.springs);
         for p in changed.iter().map(|p| p.index()).filter(|&p| p < particles) {
             let own = self.row_of[p] as usize;
             springs.clear();
@@ -37,6 +37,7 @@ impl Network {
             }
             self.matrix.replace_row(own, &springs, self.settings.coupling, self.masses[own]);
         }
+        self.springs = springs;
         self.matrix.settle_rows();
         if swapped {
             self.restart_activity();

@@ -39,6 +39,8 @@ pub struct VertexRows {
     pub rows: SlotCsr<RowEntry>,
     /// Bones of each base vertex; empty for embedded vertices and for those that no joint moves.
     pub bones: SlotCsr<BoneWeight>,
+    /// The row that is being put together.
+    pub(crate) scratch: Vec<RowEntry>,
 }
 
 /// What an edit changed in [`VertexRows`].
@@ -52,12 +54,21 @@ pub struct VertexRowsDelta {
     pub bones: SlotCsrDelta<BoneWeight>,
 }
 
+impl VertexRowsDelta {
+    /// Adds what the next edit changed.
+    pub fn append(&mut self, later: &Self) {
+        self.rest_position.append(&later.rest_position);
+        self.rows.append(&later.rows);
+        self.bones.append(&later.bones);
+    }
+}
+
 impl VertexRows {
     /// Rows of a freshly loaded model: every vertex is a base vertex. `bones` has a row a vertex.
     pub fn from_base(rest_position: Vec<[f32; 3]>, bones: SlotCsr<BoneWeight>) -> Self {
         debug_assert_eq!(rest_position.len(), bones.rows());
         let vertices = rest_position.len();
-        Self { rest_position: rest_position.into(), rows: SlotCsr::with_rows(vertices), bones }
+        Self { rest_position: rest_position.into(), rows: SlotCsr::with_rows(vertices), bones, scratch: Vec::new() }
     }
 
     /// Number of vertices.
@@ -102,7 +113,8 @@ impl VertexRows {
             }
             _ => {}
         }
-        let mut row: Vec<RowEntry> = Vec::with_capacity(6);
+        let mut row = std::mem::take(&mut self.scratch);
+        row.clear();
         for &(parent, weight) in parents {
             let entries = self.rows.row(parent.index());
             if entries.is_empty() {
@@ -114,7 +126,9 @@ impl VertexRows {
         }
         row.retain(|e| e.weight != 0.0);
         row.sort_unstable_by_key(|e| e.base);
-        self.push_row(&row)
+        let vertex = self.push_row(&row);
+        self.scratch = row;
+        vertex
     }
 
     fn push_row(&mut self, row: &[RowEntry]) -> VertexId {
@@ -127,15 +141,13 @@ impl VertexRows {
 
     /// How many base vertices a combination of `parents` leans on.
     pub fn merged_len(&self, parents: &[(VertexId, f64)]) -> usize {
-        let mut bases: Vec<VertexId> = Vec::new();
-        for &(parent, _) in parents {
-            let row = self.rows.row(parent.index());
-            bases.extend(row.iter().map(|e| e.base));
-            bases.extend(row.is_empty().then_some(parent));
-        }
-        bases.sort_unstable();
-        bases.dedup();
-        bases.len()
+        let bases = || {
+            parents.iter().flat_map(|&(parent, _)| {
+                let row = self.rows.row(parent.index());
+                row.iter().map(|e| e.base).chain(row.is_empty().then_some(parent))
+            })
+        };
+        bases().enumerate().filter(|&(i, base)| bases().take(i).all(|b| b != base)).count()
     }
 
     /// Appends a base vertex: a corner inside the volume, or a vertex whose row has grown too long (MATHS 1.4).
@@ -185,11 +197,16 @@ impl VertexRows {
 
     /// Everything changed since the last call.
     pub fn take_delta(&mut self) -> VertexRowsDelta {
-        VertexRowsDelta {
-            rest_position: self.rest_position.take_delta(),
-            rows: self.rows.take_delta(),
-            bones: self.bones.take_delta(),
-        }
+        let mut delta = VertexRowsDelta::default();
+        self.take_delta_into(&mut delta);
+        delta
+    }
+
+    /// The same into a delta whose room is used again.
+    pub fn take_delta_into(&mut self, delta: &mut VertexRowsDelta) {
+        self.rest_position.take_delta_into(&mut delta.rest_position);
+        self.rows.take_delta_into(&mut delta.rows);
+        self.bones.take_delta_into(&mut delta.bones);
     }
 
     /// Goes back by the newest delta and returns the way forward.

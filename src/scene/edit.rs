@@ -1,5 +1,6 @@
 //! Edits of the scene: strokes and cuts over every tissue, pieces that come off, one unit of history each.
 
+use super::changes::Changes;
 use super::history::{Change, Unit};
 use super::report::{EditReport, Outcome, PieceReport};
 use super::{Scene, TissueId};
@@ -101,21 +102,41 @@ pub(super) struct StrokeOf {
     id: TissueId,
     stroke: TearStroke,
     before: Before,
-    deltas: Vec<Arc<TissueDelta>>,
+    /// The way back over all of it.
+    undo: TissueDelta,
+    /// Scratch: what has changed besides the boxes.
+    rest: TissueDelta,
+    /// Bytes that a mirror had to follow.
+    bytes: usize,
+    seen: Vec<u64>,
+}
+
+impl StrokeOf {
+    fn new(id: TissueId, before: Before, stroke: TearStroke) -> Self {
+        Self { id, stroke, before, undo: TissueDelta::default(), rest: TissueDelta::default(), bytes: 0, seen: Vec::new() }
+    }
+
+    /// Notes what has changed since the last call, and tells those who keep a mirror.
+    fn note_changes(&mut self, tissue: &mut Tissue, changes: &mut Changes) {
+        let Self { id, stroke, undo, rest, bytes, seen, .. } = self;
+        tissue.take_delta_into(rest);
+        let mut note = |delta: &mut TissueDelta| {
+            *bytes += delta.upload_bytes(seen);
+            undo.append(delta);
+            changes.take_over(*id, delta);
+        };
+        stroke.drain_deltas(&mut note);
+        if !rest.is_empty() {
+            note(rest);
+        }
+    }
 }
 
 /// Adds what a tissue changed to `deltas`, and tells those who keep a mirror.
-pub(super) fn note_delta(
-    changes: &mut Option<Vec<(TissueId, Arc<TissueDelta>)>>,
-    id: TissueId,
-    delta: TissueDelta,
-    deltas: &mut Vec<Arc<TissueDelta>>,
-) {
+pub(super) fn note_delta(changes: &mut Changes, id: TissueId, delta: TissueDelta, deltas: &mut Vec<Arc<TissueDelta>>) {
     if !delta.is_empty() {
         let delta = Arc::new(delta);
-        if let Some(changes) = changes {
-            changes.push((id, delta.clone()));
-        }
+        changes.share(id, &delta);
         deltas.push(delta);
     }
 }
@@ -187,21 +208,26 @@ impl Scene {
         }
         self.last_boxes.clear();
         self.last_slits.clear();
-        let before: Vec<Before> = self.tissues.values_mut().map(|t| Before::of(t, self.measuring)).collect();
-        for ((&id, tissue), before) in self.tissues.iter().zip(before) {
-            let stroke = TearStroke::new(tissue, width, self.sampling(tissue)).walled(self.wall);
-            self.strokes.push(StrokeOf { id, stroke, before, deltas: Vec::new() });
+        for (&id, tissue) in &mut self.tissues {
+            let before = Before::of(tissue, self.measuring);
+            let sampling = self.settings.sampling(tissue);
+            let mut stroke = match self.spare_strokes.pop() {
+                Some(spare) => StrokeOf { id, before, stroke: spare.stroke.again(tissue, width, sampling), bytes: 0, ..spare },
+                None => StrokeOf::new(id, before, TearStroke::new(tissue, width, sampling)),
+            };
+            stroke.stroke.set_wall(self.wall);
+            tissue.take_delta_into(&mut stroke.undo);
+            debug_assert!(stroke.undo.is_empty(), "an edit has left notes");
+            self.strokes.push(stroke);
         }
     }
 
     fn stroke_pose(&mut self, pose: BladePose) {
-        for StrokeOf { id, stroke, deltas, .. } in &mut self.strokes {
-            if let Some(tissue) = self.tissues.get_mut(id) {
+        for stroke in &mut self.strokes {
+            if let Some(tissue) = self.tissues.get_mut(&stroke.id) {
                 let (tip, base) = (tissue.to_tissue(pose.tip), tissue.to_tissue(pose.base));
-                stroke.push(tissue, BladePose { tip, base, ..pose });
-                for delta in stroke.take_deltas().into_iter().chain([tissue.take_delta()]) {
-                    note_delta(&mut self.changes, *id, delta, deltas);
-                }
+                stroke.stroke.push(tissue, BladePose { tip, base, ..pose });
+                stroke.note_changes(tissue, &mut self.changes);
             }
         }
     }
@@ -213,20 +239,22 @@ impl Scene {
         let mut report = EditReport { kind: "tear", ..EditReport::default() };
         let mut unit = Unit::default();
         let mut pieces = Vec::new();
-        for StrokeOf { id, mut stroke, before, mut deltas } in std::mem::take(&mut self.strokes) {
-            let Some(tissue) = self.tissues.get_mut(&id) else { continue };
-            stroke.release(tissue);
+        let mut strokes = std::mem::take(&mut self.strokes);
+        for ended in &mut strokes {
+            let Some(tissue) = self.tissues.get_mut(&ended.id) else { continue };
+            ended.stroke.release(tissue);
+            ended.note_changes(tissue, &mut self.changes);
+            let StrokeOf { id, ref stroke, ref before, .. } = *ended;
             report.area_before += before.area;
             report.volume_before += before.volume;
-            add_segments(&mut report, &stroke);
+            add_segments(&mut report, stroke);
             self.last_boxes.extend(stroke.boxes().iter().map(|b| b.carried(|p| tissue.to_model(p))));
             self.last_slits.extend(stroke.slits().iter().map(|s| s.carried(|p| tissue.to_model(p))));
-            for delta in stroke.take_deltas().into_iter().chain([tissue.take_delta()]) {
-                note_delta(&mut self.changes, id, delta, &mut deltas);
-            }
             if !stroke.has_torn() {
                 continue;
             }
+            report.bytes_uploaded += ended.bytes;
+            let deltas = vec![Arc::new(ended.undo.clone())];
             if report.outcome == Outcome::Missed {
                 report.outcome = Outcome::Torn;
             }
@@ -240,6 +268,8 @@ impl Scene {
             }
             pieces.extend(self.separate(id, severed, deltas, &mut unit, &mut report));
         }
+        self.spare_strokes.append(&mut strokes);
+        self.strokes = strokes;
         let order = self.tissues.keys().copied().filter(|id| !pieces.contains(id)).collect::<Vec<_>>();
         let all = order.into_iter().chain(pieces).map(|id| (id, 0)).collect();
         self.commit(unit);
@@ -302,7 +332,8 @@ impl Scene {
         report
     }
 
-    /// Moves sets of faces of a tissue into tissues of their own; notes everything in `unit`. Returns the new ids.
+    /// Moves sets of faces of a tissue into tissues of their own; notes everything in `unit`, `deltas` first, whose bytes the report
+    /// knows. Returns the new ids.
     pub(super) fn separate(
         &mut self,
         id: TissueId,
@@ -313,10 +344,11 @@ impl Scene {
     ) -> Vec<TissueId> {
         let mut made = Vec::new();
         let Some(tissue) = self.tissues.get_mut(&id) else { return made };
+        let known = deltas.len();
         let pieces = report.stages.time("pieces", || tissue.sever(&parts));
         report.stages.time("history", || note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas));
         report.bytes_uploaded += report.measuring.time("bytes", || {
-            let edited = deltas.iter().map(|d| d.upload_bytes()).sum::<usize>();
+            let edited = deltas[known..].iter().map(|d| d.upload_bytes(&mut Vec::new())).sum::<usize>();
             edited + pieces.iter().map(Tissue::full_upload_bytes).sum::<usize>()
         });
         unit.changes.push(Change::Edited(id, deltas));
@@ -371,6 +403,7 @@ fn piece_report(id: TissueId, tissue: &Tissue, sums: &Sums, side: i8) -> PieceRe
 }
 
 fn add_segments(report: &mut EditReport, stroke: &TearStroke) {
+    report.segments.reserve(stroke.reports().len());
     for segment in stroke.reports() {
         report.new_vertices += segment.new_vertices;
         report.intersection_points += segment.intersection_points;
@@ -419,6 +452,10 @@ impl Before {
         }
         let keep: Vec<usize> = largest.into_values().collect();
         let left = now.iter().enumerate().filter(|(i, _)| !keep.contains(i));
-        left.map(|(_, part)| part.sorted_faces(mesh)).collect()
+        let left: Vec<_> = left.map(|(_, part)| part.sorted_faces(mesh)).collect();
+        if left.is_empty() {
+            tissue.keep_parts(now);
+        }
+        left
     }
 }

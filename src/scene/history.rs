@@ -93,10 +93,8 @@ impl Scene {
             inverse.changes.push(match change {
                 Change::Edited(id, deltas) => {
                     let inverse = self.tissues.get_mut(&id).map_or_else(Vec::new, |t| t.travel(deltas));
-                    bytes += inverse.iter().map(|d| d.upload_bytes()).sum::<usize>();
-                    if let Some(changes) = &mut self.changes {
-                        changes.extend(inverse.iter().map(|d| (id, d.clone())));
-                    }
+                    bytes += inverse.iter().map(|d| d.upload_bytes(&mut Vec::new())).sum::<usize>();
+                    inverse.iter().for_each(|delta| self.changes.share(id, delta));
                     Change::Edited(id, inverse)
                 }
                 Change::Made(id, Some(tissue)) => {

@@ -2,6 +2,7 @@
 
 mod blade_cut;
 mod bounded_cut;
+mod changes;
 mod edit;
 mod grab;
 mod history;
@@ -16,6 +17,7 @@ use crate::geometry::{ParticleId, StateHash};
 use crate::surgery::{Sampling, Slit, TearBox, WallMode};
 use crate::tissue::edit::CutScratch;
 use crate::tissue::{Tissue, TissueDelta};
+use changes::Changes;
 use glam::DVec3;
 use grab::Grab;
 use history::History;
@@ -44,7 +46,9 @@ pub struct Scene {
     history: History,
     strokes: Vec<edit::StrokeOf>,
     wall: WallMode,
-    changes: Option<Vec<(TissueId, Arc<TissueDelta>)>>,
+    /// Strokes that are over, whose buffers the next ones use.
+    spare_strokes: Vec<edit::StrokeOf>,
+    changes: Changes,
     last_boxes: Vec<TearBox>,
     last_slits: Vec<Slit>,
     grabs: Vec<Grab>,
@@ -67,7 +71,8 @@ impl Scene {
             history: History::default(),
             strokes: Vec::new(),
             wall: WallMode::Open,
-            changes: None,
+            spare_strokes: Vec::new(),
+            changes: Changes::default(),
             last_boxes: Vec::new(),
             last_slits: Vec::new(),
             grabs: Vec::new(),
@@ -97,12 +102,17 @@ impl Scene {
 
     /// Starts keeping the deltas of every edit for [`Scene::take_changes`]: for those who mirror the scene.
     pub fn watch_changes(&mut self) {
-        self.changes.get_or_insert_default();
+        self.changes.watch();
     }
 
     /// Deltas of edits, undone and redone ones too, since the last call; empty unless watched.
     pub fn take_changes(&mut self) -> Vec<(TissueId, Arc<TissueDelta>)> {
-        self.changes.as_mut().map(std::mem::take).unwrap_or_default()
+        self.changes.take()
+    }
+
+    /// Hands over what [`Scene::take_changes`] gave and is needed no more, to be used again.
+    pub fn give_back_changes(&mut self, changes: Vec<(TissueId, Arc<TissueDelta>)>) {
+        self.changes.give_back(changes);
     }
 
     /// Boxes of the last stroke, in model space, tissue by tissue.
@@ -176,11 +186,13 @@ impl Scene {
     pub fn validate(&self) -> Result<(), String> {
         self.tissues.iter().try_for_each(|(id, t)| t.validate().map_err(|e| format!("tissue {}: {e}", id.0)))
     }
+}
 
+impl SceneSettings {
     fn sampling(&self, tissue: &Tissue) -> Sampling {
-        let mut settings = self.settings.sampling;
-        settings.time = self.settings.sample_time.unwrap_or(settings.time);
-        match self.settings.sample_distance {
+        let mut settings = self.sampling;
+        settings.time = self.sample_time.unwrap_or(settings.time);
+        match self.sample_distance {
             Some(distance) => settings.with_distance(distance, tissue.diagonal()),
             None => settings.scaled(tissue.diagonal()),
         }

@@ -247,11 +247,12 @@ impl Slit {
 
 /// What a step of a tear removes: a box, or with width 0 a slit.
 #[derive(Clone, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "they come one at a time, into a buffer that stays")]
 pub enum TearSegment {
     /// Width above 0.
-    Box(Box<TearBox>),
+    Box(TearBox),
     /// Width 0.
-    Slit(Box<Slit>),
+    Slit(Slit),
 }
 
 impl TearSegment {

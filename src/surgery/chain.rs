@@ -32,6 +32,8 @@ pub struct ChainBuilder {
     last: Option<Blade>,
     /// What is cut on the way to it, from the tip up: none, one, or two at a pivot.
     lanes: Vec<Lane>,
+    /// Those of the sample before, while it is looked at which of them go on.
+    before: Vec<Lane>,
     outside: Option<BladePose>,
 }
 
@@ -43,7 +45,14 @@ impl ChainBuilder {
         let nominal = if slit { sampling.distance * 1e-3 } else { width };
         // A hair thinner than the grid resolves is cut as the thinnest box that the grid holds well.
         let maker = Maker::new(nominal.max(grid.step * 1024.0), slit, grid);
-        Self { maker, last: None, lanes: Vec::new(), outside: None }
+        Self { maker, last: None, lanes: Vec::new(), before: Vec::new(), outside: None }
+    }
+
+    /// A builder for another stroke in the buffers of one that is over.
+    pub fn again(mut self, width: f64, sampling: &Sampling) -> Self {
+        self.lanes.clear();
+        let new = Self::new(width, sampling);
+        Self { maker: new.maker.with_rooms_of(self.maker), lanes: self.lanes, before: self.before, ..new }
     }
 
     /// Stretches that no valid box could be made for, so far.
@@ -180,39 +189,48 @@ impl ChainBuilder {
     /// Lanes go on, end and begin at the newest sample as the way from it to `next` asks; that is the newest then.
     fn accept(&mut self, next: Blade, out: &mut Vec<TearSegment>) {
         let Some(last) = self.last.replace(next) else { return };
-        let Self { maker, lanes, .. } = self;
-        let wanted = parts(&last, &next, maker.grid);
+        let Self { maker, lanes, before, .. } = self;
+        let (wanted, count) = parts(&last, &next, maker.grid);
+        let wanted = &wanted[..count];
         let reach = MOST_DRIFT * last.length();
         let goes_on = |lane: &Lane, on: &[Part; 2]| lane.part.is_near(on[0], last.length(), reach);
         let ended = lanes.extract_if(.., |lane| !wanted.iter().any(|on| goes_on(lane, on)));
         ended.for_each(|lane| lane.close(&last, maker, out));
-        let mut before = std::mem::take(lanes);
-        for on in wanted {
+        std::mem::swap(lanes, before);
+        for &on in wanted {
             match before.iter().position(|lane| goes_on(lane, &on)) {
                 Some(i) => {
                     let mut lane = before.swap_remove(i);
                     lane.step(&last, &next, on, maker, out);
                     lanes.push(lane);
                 }
-                None => lanes.push(Lane::new(maker.part(&last, on[0]), on[1])),
+                None => {
+                    let first = maker.part(&last, on[0]);
+                    lanes.push(Lane::new(first, on[1], maker));
+                }
             }
         }
+        before.clear();
     }
 }
 
 /// What goes its way from `first` to `next` without turning back, as parts of either: the whole blade, or where tip and top move in
-/// opposite directions what is below the pivot and what is above.
-fn parts(first: &Blade, next: &Blade, grid: Grid) -> Vec<[Part; 2]> {
+/// opposite directions what is below the pivot and what is above. Gives how many there are, too.
+fn parts(first: &Blade, next: &Blade, grid: Grid) -> ([[Part; 2]; 2], usize) {
     let pivots =
         turned_share(first, next, first.up(), grid).filter(|p| p.is_pivot).zip(turned_share(first, next, next.up(), grid));
-    let Some((on_next, on_first)) = pivots else { return vec![[Part::WHOLE; 2]] };
+    let Some((on_next, on_first)) = pivots else { return ([[Part::WHOLE; 2]; 2], 1) };
     let on = [(first, on_first.share), (next, on_next.share)];
     let below = on.map(|(blade, share)| Part { low: 0.0, high: (share - PIVOT_GAP) * blade.length() });
     let above = on.map(|(blade, share)| Part { low: (share + PIVOT_GAP) * blade.length(), high: f64::INFINITY });
     let is_long = |part: &[Part; 2]| {
         part.iter().zip(on).all(|(p, (blade, _))| p.high.min(blade.length()) - p.low >= LEAST_PART * blade.length())
     };
-    [below, above].into_iter().filter(is_long).collect()
+    match [below, above].map(|part| is_long(&part)) {
+        [true, true] => ([below, above], 2),
+        [false, true] => ([above; 2], 1),
+        [is_below, _] => ([below; 2], usize::from(is_below)),
+    }
 }
 
 /// Where the way between two blades, seen across one of them, has no part in the direction of the end that goes farther.

@@ -14,6 +14,9 @@ const SHARPEST_TURN_COSINE: f64 = -0.5;
 /// After so many dropped samples in a row the stretch is given up and the chain starts anew.
 const MOST_DROPPED: u32 = 8;
 
+/// Boxes that a chain finds room for at once.
+const ROOM: usize = 64;
+
 /// How much shorter, as a share of it, the part of a blade beside a pivot is tried where its box is not valid.
 const SHORTER: [f64; 2] = [1e-2, 1e-1];
 
@@ -56,6 +59,9 @@ pub(super) struct Joint {
     quad: [DVec3; 4],
 }
 
+/// A box and its bounds.
+type KeptBox = (TearBox, [DVec3; 2]);
+
 /// A chain, from the end of its last box to the newest sample.
 #[derive(Clone, Debug)]
 pub(super) struct Lane {
@@ -64,7 +70,7 @@ pub(super) struct Lane {
     pub(super) part: Part,
     dropped: u32,
     chain: u32,
-    kept: Vec<(TearBox, [DVec3; 2])>,
+    kept: Vec<KeptBox>,
 }
 
 /// What the boxes of a stroke have in common, and its counts.
@@ -78,6 +84,8 @@ pub(super) struct Maker {
     next_plane: u32,
     next_chain: u32,
     pub(super) skipped: u32,
+    /// Rooms of lanes that have ended.
+    spare: Vec<Vec<KeptBox>>,
 }
 
 impl Blade {
@@ -153,8 +161,9 @@ impl Start {
 
 impl Lane {
     /// A new chain that starts at `first`. `part` is what it is of the blade that comes next.
-    pub(super) fn new(first: Blade, part: Part) -> Self {
-        Self { start: Start::Fresh(first), part, dropped: 0, chain: 0, kept: Vec::new() }
+    pub(super) fn new(first: Blade, part: Part, maker: &mut Maker) -> Self {
+        let kept = maker.spare.pop().unwrap_or_else(|| Vec::with_capacity(ROOM));
+        Self { start: Start::Fresh(first), part, dropped: 0, chain: 0, kept }
     }
 
     /// The joint at which the last box ended.
@@ -250,6 +259,8 @@ impl Lane {
     pub(super) fn close(mut self, last: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) {
         let end = maker.part(last, self.part);
         self.close_at(&end, self.part, maker, out);
+        self.kept.clear();
+        maker.spare.push(self.kept);
     }
 
     fn close_at(&mut self, end: &Blade, part: Part, maker: &mut Maker, out: &mut Vec<TearSegment>) {
@@ -310,7 +321,7 @@ impl Lane {
         }
         (made.chain, made.index) = (self.chain, self.kept.len() as u32);
         let is_slit = maker.slit;
-        out.push(if is_slit { TearSegment::Slit(Box::new(slit_of(&made))) } else { TearSegment::Box(Box::new(made.clone())) });
+        out.push(if is_slit { TearSegment::Slit(slit_of(&made)) } else { TearSegment::Box(made.clone()) });
         self.kept.push((made, bounds));
         Some(end)
     }
@@ -319,7 +330,12 @@ impl Lane {
 impl Maker {
     /// For boxes of `width` metres, or slits, on a grid.
     pub(super) fn new(width: f64, slit: bool, grid: Grid) -> Self {
-        Self { width, slit, grid, next_serial: 0, next_joint: 0, next_plane: 0, next_chain: 0, skipped: 0 }
+        Self { width, slit, grid, next_serial: 0, next_joint: 0, next_plane: 0, next_chain: 0, skipped: 0, spare: Vec::new() }
+    }
+
+    /// Another's rooms, which it needs no more.
+    pub(super) fn with_rooms_of(self, other: Self) -> Self {
+        Self { spare: other.spare, ..self }
     }
 
     /// A part of a blade; one that is not the whole has a serial number of its own.

@@ -9,6 +9,7 @@ use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker};
 use super::leaf::{At, Leaf, Seen, along_edge, crossing, inner_weights, sign_at};
 use super::region::{Region, RegionPoint};
 use super::tear::{LipPoint, flatten};
+use crate::geometry::room::fit;
 use crate::geometry::{FaceId, HalfEdge, Mesh, NewFace, SplitVertex, TopologyScratch, VertexId, WedgeId};
 use glam::DVec3;
 
@@ -48,6 +49,19 @@ pub struct SlitStep {
     first_new: usize,
 }
 
+impl SlitStep {
+    /// Forgets everything but the buffers.
+    fn clear(&mut self) {
+        let Self { mut new_vertices, mut lips, mut tags, mut added_faces, mut touched, mut met, .. } = std::mem::take(self);
+        new_vertices.clear();
+        lips.clear();
+        tags.clear();
+        added_faces.clear();
+        [&mut touched, &mut met].into_iter().for_each(|list| list.clear());
+        *self = Self { new_vertices, lips, tags, added_faces, touched, met, ..Self::default() };
+    }
+}
+
 /// A face to be split: the crossing inside it, if any, directed with the leaf's positive side on the left.
 struct Affected {
     face: FaceId,
@@ -83,6 +97,7 @@ pub struct SlitScratch {
     topology: TopologyScratch,
     split: Vec<SplitVertex>,
     incident: Vec<FaceId>,
+    vertices: Vec<VertexId>,
     cuts: Vec<[VertexId; 2]>,
     opened: Vec<[HalfEdge; 2]>,
     sides: Vec<(VertexId, i8)>,
@@ -114,7 +129,9 @@ pub fn slit_step(
     scratch: &mut SlitScratch,
     out: &mut SlitStep,
 ) -> bool {
-    *out = SlitStep { tags: tags.to_vec(), first_new: mesh.vertex_slots(), ..SlitStep::default() };
+    out.clear();
+    out.tags.extend_from_slice(tags);
+    out.first_new = mesh.vertex_slots();
     slit_more(mesh, leaves, candidates, position, scratch, out)
 }
 
@@ -164,9 +181,7 @@ impl SlitScratch {
     }
 
     fn begin(&mut self, mesh: &Mesh, leaf: &Leaf) {
-        if self.slot.len() < mesh.vertex_slots() {
-            self.slot.resize(mesh.vertex_slots(), NO_SLOT);
-        }
+        fit(&mut self.slot, mesh.vertex_slots(), NO_SLOT);
         self.planes = leaf.bounds.len() + 1;
         self.slotted.clear();
         self.positions.clear();
@@ -270,11 +285,8 @@ impl SlitScratch {
     /// One vertex for each crossing of an edge.
     fn insert_on_edges(&mut self, mesh: &mut Mesh, out: &mut SlitStep) {
         let crossed = self.affected.iter().filter_map(|a| a.cut.map(|cut| (a.face, cut)));
-        let ends: Vec<(FaceId, At)> = crossed
-            .chain(self.plane_edges.iter().map(|e| (e.face, e.cut)))
-            .flat_map(|(face, cut)| cut.map(|at| (face, at)))
-            .collect();
-        for (face, at) in ends {
+        let all = crossed.chain(self.plane_edges.iter().map(|e| (e.face, e.cut)));
+        for (face, at) in all.flat_map(|(face, cut)| cut.map(|at| (face, at))) {
             let At::Edge { edge, plane } = at else { continue };
             let corners = mesh.face(face);
             let (mut a, mut b) = (corners[edge as usize], corners[(edge as usize + 1) % 3]);
@@ -441,8 +453,7 @@ impl SlitScratch {
     fn replace(&mut self, mesh: &mut Mesh, out: &mut SlitStep) {
         out.intersection_points = out.new_vertices.iter().filter(|n| n.parent_count > 1).count();
         out.faces_split += self.removed.len();
-        let old: Vec<VertexId> = self.removed.iter().flat_map(|&f| mesh.face(f)).collect();
-        out.touched.extend(&old);
+        out.touched.extend(self.removed.iter().flat_map(|&f| mesh.face(f)));
         mesh.replace_faces(&self.removed, &self.added, |_| 0, &mut self.topology);
         out.added_faces.retain(|f| self.removed.binary_search(f).is_err());
         out.added_faces.extend_from_slice(&self.topology.added);
@@ -450,11 +461,12 @@ impl SlitScratch {
 
     /// Opens the cut edges and gives each side its own vertices.
     fn open(&mut self, mesh: &mut Mesh, out: &mut SlitStep) {
-        let vertices: Vec<VertexId> = self.cuts.iter().flatten().copied().collect();
-        out.touched.extend(&vertices);
-        out.met.extend(&vertices);
+        self.vertices.clear();
+        self.vertices.extend(self.cuts.iter().flatten());
+        out.touched.extend(&self.vertices);
+        out.met.extend(&self.vertices);
         self.incident.clear();
-        for &v in &vertices {
+        for &v in &self.vertices {
             self.incident.extend(mesh.fan(v).map(HalfEdge::face));
         }
         for &[a, b] in &self.cuts {
@@ -468,7 +480,7 @@ impl SlitScratch {
         }
         out.opened_edges += self.opened.len();
         self.split.clear();
-        mesh.split_fans(&vertices, &self.incident, &mut self.topology, &mut self.split);
+        mesh.split_fans(&self.vertices, &self.incident, &mut self.topology, &mut self.split);
         for i in 0..self.split.len() {
             self.note_split(self.split[i], out);
         }
@@ -481,10 +493,16 @@ impl SlitScratch {
         let position = old.unwrap_or_else(|| self.positions[self.slot[split.from.index()] as usize]);
         let parents = [(split.from, 1.0), (VertexId::NONE, 0.0), (VertexId::NONE, 0.0)];
         out.new_vertices.push(NewVertex { vertex: split.vertex, parents, parent_count: 1, position });
-        let copies: Vec<LipPoint> = out.lips.iter().filter(|l| l.vertex == split.from).copied().collect();
-        out.lips.extend(copies.iter().map(|l| LipPoint { vertex: split.vertex, ..*l }));
-        let copies: Vec<OnLines> = out.tags.iter().filter(|t| t.vertex == split.from).copied().collect();
-        out.tags.extend(copies.iter().map(|t| OnLines { vertex: split.vertex, ..*t }));
+        for i in 0..out.lips.len() {
+            if out.lips[i].vertex == split.from {
+                out.lips.push(LipPoint { vertex: split.vertex, ..out.lips[i] });
+            }
+        }
+        for i in 0..out.tags.len() {
+            if out.tags[i].vertex == split.from {
+                out.tags.push(OnLines { vertex: split.vertex, ..out.tags[i] });
+            }
+        }
     }
 
     /// Sides of the vertices along the opened edges; a vertex on both is an end of the slit.

@@ -40,6 +40,13 @@ impl Stroke {
         }
     }
 
+    /// A stroke of `width` metres in the buffers of one that is over.
+    pub fn again(mut self, width: f64, sampling: Sampling) -> Self {
+        self.samples.clear();
+        let (sampler, builder) = (PathSampler::new(sampling), self.builder.again(width, &sampling));
+        Self { sampling, sampler, builder, previous: None, samples: self.samples }
+    }
+
     /// Takes the next pose; `surface` is the tissue as it is now. Appends the segments that are complete.
     pub fn push(&mut self, pose: BladePose, surface: &(impl Surface + ?Sized), out: &mut Vec<TearSegment>) {
         self.samples.clear();

@@ -9,6 +9,7 @@ use super::clip::{Carrier, ClippedFace, MAX_PLANES, PlaneValues, Point, point_si
 use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker};
 use super::region::{Region, RegionPoint};
 use super::tear_walls::{WallScratch, WallSpec};
+use crate::geometry::room::fit;
 use crate::geometry::{FaceId, FaceInfo, HalfEdge, Mesh, NewFace, Plane, SplitVertex, TopologyScratch, VertexId, WedgeId};
 use glam::DVec3;
 
@@ -120,6 +121,7 @@ pub struct TearScratch {
     pub(super) topology: TopologyScratch,
     pub(super) split: Vec<SplitVertex>,
     pub(super) incident: Vec<FaceId>,
+    vertices: Vec<VertexId>,
     pub(super) zero: Vec<OnPlanes>,
     /// The walls of a closed tear.
     pub(super) lining: WallScratch,
@@ -169,9 +171,7 @@ pub fn tear_step(
 
 impl TearScratch {
     fn begin(&mut self, mesh: &Mesh, walls: Option<&WallSpec>) {
-        if self.slot.len() < mesh.vertex_slots() {
-            self.slot.resize(mesh.vertex_slots(), NO_SLOT);
-        }
+        fit(&mut self.slot, mesh.vertex_slots(), NO_SLOT);
         self.slotted.clear();
         self.positions.clear();
         self.values.clear();
@@ -516,8 +516,9 @@ impl TearScratch {
             self.lining.collect_rim(mesh, &out.added_faces);
         }
         self.split.clear();
-        let vertices: Vec<VertexId> = out.touched.iter().copied().chain(out.new_vertices.iter().map(|n| n.vertex)).collect();
-        mesh.split_fans(&vertices, &self.incident, &mut self.topology, &mut self.split);
+        self.vertices.clear();
+        self.vertices.extend(out.touched.iter().copied().chain(out.new_vertices.iter().map(|n| n.vertex)));
+        mesh.split_fans(&self.vertices, &self.incident, &mut self.topology, &mut self.split);
         for i in 0..self.split.len() {
             self.note_split(self.split[i], out);
         }
@@ -538,12 +539,16 @@ impl TearScratch {
         let position = old.unwrap_or_else(|| self.positions[self.slot[split.from.index()] as usize]);
         let parents = [(split.from, 1.0), (VertexId::NONE, 0.0), (VertexId::NONE, 0.0)];
         out.new_vertices.push(NewVertex { vertex: split.vertex, parents, parent_count: 1, position });
-        let copied: Vec<LipPoint> =
-            out.lips.iter().filter(|l| l.vertex == split.from).map(|l| LipPoint { vertex: split.vertex, ..*l }).collect();
-        out.lips.extend(copied);
-        let copied: Vec<OnPlanes> =
-            self.zero.iter().filter(|z| z.vertex == split.from).map(|z| OnPlanes { vertex: split.vertex, ..*z }).collect();
-        self.zero.extend(copied);
+        for i in 0..out.lips.len() {
+            if out.lips[i].vertex == split.from {
+                out.lips.push(LipPoint { vertex: split.vertex, ..out.lips[i] });
+            }
+        }
+        for i in 0..self.zero.len() {
+            if self.zero[i].vertex == split.from {
+                self.zero.push(OnPlanes { vertex: split.vertex, ..self.zero[i] });
+            }
+        }
     }
 }
 

@@ -180,8 +180,10 @@ impl Tissue {
             let parents = n.parents.map(|p| p.0);
             crate::particles::NewVertex { vertex: n.vertex, parents, is_apart: n.parent_count == 0 }
         };
-        let vertices: Vec<_> = new.iter().map(made).collect();
-        let edit = MapEdit { new_vertices: &vertices, removed_vertices: removed, new_strips: strips, lips };
+        let vertices = &mut self.scratch.new_vertices;
+        vertices.clear();
+        vertices.extend(new.iter().map(made));
+        let edit = MapEdit { new_vertices: vertices, removed_vertices: removed, new_strips: strips, lips };
         let old_len = layer.map.influences.rows();
         let scratch = &mut self.scratch.update;
         let report =
@@ -194,7 +196,8 @@ impl Tissue {
         let rotates = layer.network.settings().rotations || !turns.is_empty();
         // where none of its particles is displaced a vertex stands still, whatever its row
         let is_displaced = |row: &[Influence]| row.iter().any(|i| displacements[i.particle.index()] != DVec3::ZERO);
-        let mut targets: Vec<(VertexId, DVec3)> = Vec::new();
+        let mut targets = std::mem::take(&mut self.scratch.targets);
+        targets.clear();
         for (v, before) in self.scratch.update.rows_before() {
             if v.index() >= old_len || !self.mesh.vertex_is_live(v) {
                 continue;
@@ -212,7 +215,8 @@ impl Tissue {
         }
         targets.extend(new.iter().map(|n| (n.vertex, n.position)));
         self.refresh_turns_held(&mut targets);
-        self.fade_from(targets.into_iter());
+        self.fade_from(targets.iter().copied());
+        self.scratch.targets = targets;
         report
     }
 

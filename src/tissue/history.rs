@@ -6,18 +6,26 @@ use glam::DVec3;
 use std::sync::Arc;
 
 impl TissueDelta {
-    /// Bytes that a GPU mirror needs to follow: the records of what differs, each once.
-    pub fn upload_bytes(&self) -> usize {
+    /// Bytes that a GPU mirror needs to follow: the records of what differs, each once. `seen` is scratch.
+    pub fn upload_bytes(&self, seen: &mut Vec<u64>) -> usize {
         let Self { mesh, rows, map, .. } = self;
         let spans = rows.rows.spans.written().chain(rows.bones.spans.written()).chain(map.influences.spans.written());
-        let vertices = distinct(mesh.vertex_half_edge.written().chain(rows.rest_position.written()).chain(spans));
-        let faces = distinct(mesh.face_wedges.written().chain(mesh.opposite.written()).chain(mesh.face_info.written()));
+        let vertices = distinct(mesh.vertex_half_edge.written().chain(rows.rest_position.written()).chain(spans), seen);
+        let faces = distinct(mesh.face_wedges.written().chain(mesh.opposite.written()).chain(mesh.face_info.written()), seen);
         vertices * VERTEX_BYTES
             + faces * FACE_BYTES
-            + mesh.wedges.dirty_bytes()
-            + rows.rows.entries.dirty_bytes() / 2 // weights travel as f32
-            + rows.bones.entries.dirty_bytes()
-            + map.influences.entries.dirty_bytes()
+            + mesh.wedges.dirty_bytes(seen)
+            + rows.rows.entries.dirty_bytes(seen) / 2 // weights travel as f32
+            + rows.bones.entries.dirty_bytes(seen)
+            + map.influences.entries.dirty_bytes(seen)
+    }
+
+    /// Adds what the next edit changed.
+    pub fn append(&mut self, later: &Self) {
+        self.mesh.append(&later.mesh);
+        self.rows.append(&later.rows);
+        self.map.append(&later.map);
+        self.strips.append(&later.strips);
     }
 }
 

@@ -167,6 +167,11 @@ impl Tissue {
         self.tally.graph.parts_before(&self.mesh)
     }
 
+    /// Takes back what [`Tissue::parts`] has given, where nothing has come off since: it need not be found again.
+    pub fn keep_parts(&mut self, parts: Vec<Part>) {
+        self.tally.graph.keep(parts);
+    }
+
     fn are_right(&self, sums: &Sums, tolerance: f64) -> bool {
         let (known, new) = (sums.measures, self.measure_all());
         let counts = |m: &Measures| [m.faces, m.boundary_edges, m.non_manifold_edges];

@@ -17,6 +17,7 @@ pub mod touch;
 mod walls;
 
 use crate::formats::{Material, Model};
+use crate::geometry::room::headroom;
 use crate::geometry::sections::{cluster_faces, join_strays};
 use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, StateHash, Turn, VertexId};
 use crate::particles::{
@@ -164,6 +165,9 @@ struct TissueScratch {
     pose: PoseScratch,
     step: StepScratch,
     update: UpdateScratch,
+    /// What an update of the particle map is told of new vertices, and where it is to hold others.
+    new_vertices: Vec<crate::particles::NewVertex>,
+    targets: Vec<(VertexId, DVec3)>,
     plane_update: PlaneUpdateScratch,
     extraction: Extraction,
     rest_displacements: Vec<[f64; 3]>,
@@ -512,21 +516,32 @@ impl Tissue {
 
     /// Everything that edits have changed since the last call.
     pub fn take_delta(&mut self) -> TissueDelta {
+        let mut delta = TissueDelta::default();
+        self.take_delta_into(&mut delta);
+        delta
+    }
+
+    /// [`Tissue::take_delta`] into a delta whose room is used again.
+    pub fn take_delta_into(&mut self, delta: &mut TissueDelta) {
         self.note_edits();
-        let (map, strips) = match &mut self.layer {
-            Some(layer) => (layer.map.take_delta(), layer.strips.take_delta()),
-            None => Default::default(),
-        };
-        TissueDelta { mesh: self.mesh.take_delta(), rows: self.rows.take_delta(), map, strips }
+        if let Some(layer) = &mut self.layer {
+            layer.map.take_delta_into(&mut delta.map);
+            layer.strips.take_delta_into(&mut delta.strips);
+        } else {
+            (delta.map, delta.strips) = Default::default();
+        }
+        self.mesh.take_delta_into(&mut delta.mesh);
+        self.rows.take_delta_into(&mut delta.rows);
     }
 
     /// Makes room in every array for what edits append, so that none is copied as a whole in an edit.
     fn make_room(&mut self) {
         self.mesh.make_room();
         self.rows.make_room();
-        self.rest.reserve(self.rest.len() / 8 + 256);
+        self.rest.reserve(headroom(self.rest.len()));
         if let Some(layer) = &mut self.layer {
-            layer.map.influences.make_room();
+            layer.map.make_room();
+            layer.strips.make_room(self.rest.len(), layer.map.len());
         }
     }
 

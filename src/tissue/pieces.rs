@@ -165,6 +165,7 @@ fn extract_rows(rows: &VertexRows, map: &Extraction) -> VertexRows {
         rest_position: map.vertex_from.iter().map(|v| rows.rest_position[v.index()]).collect::<Vec<_>>().into(),
         rows: rows.rows.gather(all.clone(), |e| RowEntry { base: map.vertex_to[e.base.index()], ..*e }),
         bones: rows.bones.gather(all, |bone| *bone),
+        scratch: Vec::new(),
     }
 }
 

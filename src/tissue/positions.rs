@@ -2,6 +2,7 @@
 
 use super::Tissue;
 use crate::geometry::VertexId;
+use crate::geometry::room::fit;
 use glam::DVec3;
 use std::cell::Cell;
 
@@ -39,6 +40,11 @@ impl PositionCache {
         }
     }
 
+    /// Knows nothing any more.
+    pub(super) fn forget(&mut self) {
+        self.moment.pose = u64::MAX;
+    }
+
     /// To be called before positions are asked for: forgets them if the tissue has moved, and makes room for new vertices.
     pub(super) fn refresh(&mut self, tissue: &Tissue) {
         let moment = Self::moment(tissue);
@@ -55,10 +61,8 @@ impl PositionCache {
 
     fn grow(&mut self, tissue: &Tissue) {
         let slots = tissue.mesh.vertex_slots();
-        if self.known.len() < slots {
-            self.known.resize(slots, Cell::new(0));
-            self.at.resize(slots, Cell::new(DVec3::ZERO));
-        }
+        fit(&mut self.known, slots, Cell::new(0));
+        fit(&mut self.at, slots, Cell::new(DVec3::ZERO));
     }
 
     /// An edit that has just ended: `changed` vertices (removed ones may be left out) are computed anew, all others stand where they

@@ -1,8 +1,8 @@
 //! Section bounds in the current pose (MATHS 5.8): where an edit need not look.
 
 use crate::geometry::{Mesh, SectionId, VertexId};
-use crate::rig::{Pose, VertexRows};
-use glam::DVec3;
+use crate::rig::{JointMatrix, Pose, VertexRows};
+use glam::{DAffine3, DVec3};
 
 /// Bounds of the rest positions that one joint moves; `joint` is [`STATIC`] for those that none does.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +27,24 @@ pub struct SectionBounds {
     joints: Vec<JointBounds>,
     posed: Vec<(DVec3, DVec3)>,
     posed_version: u64,
+    /// The pose's joints; each moves boxes of many sections.
+    frames: Vec<Frame>,
+}
+
+/// What moves a box: the columns of a joint's matrix in f64, their sizes, and the translation.
+#[derive(Clone, Copy, Debug)]
+struct Frame {
+    columns: [DVec3; 3],
+    sizes: [DVec3; 3],
+    translation: DVec3,
+}
+
+impl Frame {
+    fn of(matrix: &JointMatrix) -> Self {
+        let DAffine3 { matrix3, translation } = matrix.affine();
+        let columns = [matrix3.x_axis, matrix3.y_axis, matrix3.z_axis];
+        Self { columns, sizes: columns.map(DVec3::abs), translation }
+    }
 }
 
 impl SectionBounds {
@@ -90,7 +108,8 @@ impl SectionBounds {
         }
         if let Some(posed) = self.posed.get_mut(s) {
             let range = self.start[s] as usize..self.start[s + 1] as usize;
-            *posed = pose_all(&self.joints[range], pose);
+            let frames: Vec<Frame> = pose.joint_matrices.iter().map(Frame::of).collect();
+            *posed = pose_all(&self.joints[range], &frames);
         }
     }
 
@@ -120,9 +139,10 @@ impl SectionBounds {
         if self.posed_version != version {
             self.posed_version = version;
             self.posed.clear();
-            for s in 0..self.len() {
-                let range = self.start[s] as usize..self.start[s + 1] as usize;
-                self.posed.push(pose_all(&self.joints[range], pose));
+            self.frames.clear();
+            self.frames.extend(pose.joint_matrices.iter().map(Frame::of));
+            for range in self.start.windows(2) {
+                self.posed.push(pose_all(&self.joints[range[0] as usize..range[1] as usize], &self.frames));
             }
         }
         &self.posed
@@ -130,21 +150,20 @@ impl SectionBounds {
 }
 
 /// Box around all of a section's joints.
-fn pose_all(joints: &[JointBounds], pose: &Pose) -> (DVec3, DVec3) {
+fn pose_all(joints: &[JointBounds], frames: &[Frame]) -> (DVec3, DVec3) {
     joints.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), b| {
-        let (l, h) = pose_bounds(b, pose);
+        let (l, h) = pose_bounds(b, frames);
         (low.min(l), high.max(h))
     })
 }
 
 /// Box around a box transformed by its joint.
-fn pose_bounds(b: &JointBounds, pose: &Pose) -> (DVec3, DVec3) {
-    let Some(matrix) = pose.joint_matrices.get(b.joint as usize) else {
+fn pose_bounds(b: &JointBounds, frames: &[Frame]) -> (DVec3, DVec3) {
+    let Some(Frame { columns, sizes, translation }) = frames.get(b.joint as usize) else {
         return (b.min, b.max);
     };
-    let centre = matrix.transform((b.min + b.max) / 2.0);
-    let linear = matrix.linear();
-    let half = (b.max - b.min) / 2.0;
-    let reach = linear.x_axis.abs() * half.x + linear.y_axis.abs() * half.y + linear.z_axis.abs() * half.z;
+    let (middle, half) = ((b.min + b.max) / 2.0, (b.max - b.min) / 2.0);
+    let centre = columns[0] * middle.x + columns[1] * middle.y + columns[2] * middle.z + *translation;
+    let reach = sizes[0] * half.x + sizes[1] * half.y + sizes[2] * half.z;
     (centre - reach, centre + reach)
 }

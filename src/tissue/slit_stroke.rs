@@ -40,6 +40,10 @@ pub(super) struct SlitState {
     step: SlitStep,
     ended: Vec<Ended>,
     committed: Vec<Slit>,
+    /// Scratch: tags of the starts, and starts that were missed with ends that are free.
+    starts: Vec<OnLines>,
+    missed: Vec<VertexId>,
+    free: Vec<VertexId>,
 }
 
 impl SlitState {
@@ -51,26 +55,32 @@ impl SlitState {
         self.ended.clear();
     }
 
+    /// Another stroke.
+    pub(super) fn begin(&mut self) {
+        self.ended.clear();
+        self.committed.clear();
+    }
+
     /// Ends of the slit that `slit` goes on from, and the strip that it follows.
-    fn starts(&self, slit: &Slit, diagonal: f64) -> (Vec<OnLines>, Option<&Ended>) {
+    fn starts(&self, slit: &Slit, diagonal: f64, tags: &mut Vec<OnLines>) -> Option<&Ended> {
         let blade = [slit.corners[0], slit.corners[3]];
         let follows = |e: &&Ended| (e.place.0, e.place.1 + 1) == (slit.chain, slit.index);
         let same = |e: &&Ended| blade.iter().all(|&p| distance_to_line(p, e.blade) <= SAME_LINE * diagonal);
         let from = self.ended.iter().filter(|e| follows(e) || same(e));
-        let mut tags: Vec<OnLines> =
-            from.flat_map(|e| &e.vertices).map(|&vertex| OnLines { vertex, lines: line::START }).collect();
+        tags.clear();
+        tags.extend(from.flat_map(|e| &e.vertices).map(|&vertex| OnLines { vertex, lines: line::START }));
         tags.sort_unstable_by_key(|t| t.vertex);
         tags.dedup();
-        (tags, self.ended.iter().rev().find(follows))
+        self.ended.iter().rev().find(follows)
     }
 
     fn end(&mut self, slit: &Slit, at_rest: [DVec3; 2], strip: Option<usize>) {
-        if self.ended.len() == ENDS_KEPT {
-            self.ended.remove(0);
-        }
+        let mut vertices = if self.ended.len() == ENDS_KEPT { self.ended.remove(0).vertices } else { Vec::new() };
+        vertices.clear();
         let tags = self.step.tags.iter().filter(|t| t.lines & line::END != 0);
         let (place, blade) = ((slit.chain, slit.index), [slit.corners[1], slit.corners[2]]);
-        self.ended.push(Ended { place, blade, at_rest, strip, vertices: tags.map(|t| t.vertex).collect() });
+        vertices.extend(tags.map(|t| t.vertex));
+        self.ended.push(Ended { place, blade, at_rest, strip, vertices });
         self.committed.push(slit.clone());
     }
 }
@@ -82,7 +92,8 @@ fn distance_to_line(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
 impl TearStroke {
     pub(super) fn tear_slit(&mut self, tissue: &mut Tissue, slit: &Slit) {
         let mut report = SegmentReport::default();
-        let (starts, before) = self.slits.starts(slit, tissue.diagonal());
+        let mut starts = std::mem::take(&mut self.slits.starts);
+        let before = self.slits.starts(slit, tissue.diagonal(), &mut starts);
         let (joint, before) = (before.map(|e| e.at_rest), before.and_then(|e| e.strip));
         let leaves = Leaf::of_slit(slit, ON_PLANE * tissue.diagonal());
         let c = slit.corners;
@@ -115,24 +126,27 @@ impl TearStroke {
             let made = self.slits.step.new_vertices.iter().map(|n| n.vertex);
             self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
             report.wound_particles = update.particles_added.len();
-            let delta = report.stages.time("update_mesh", || tissue.take_delta());
-            self.deltas.push(delta);
+            tissue.scratch.update.reuse(update);
+            self.close_notes(tissue, &mut report);
         }
+        self.slits.starts = starts;
         self.slits.end(slit, end, strip);
         self.reports.push(report);
     }
 
     /// Joins ends of the slit that the strip has missed to its own nearest starts.
     fn join_ends(&mut self, tissue: &mut Tissue, slit: &Slit, starts: &[OnLines]) {
-        let SlitState { scratch, step, .. } = &mut self.slits;
+        let SlitState { scratch, step, missed, free, .. } = &mut self.slits;
         let is_start = |v: VertexId| starts.iter().any(|t| t.vertex == v);
-        let missed: Vec<VertexId> = starts.iter().map(|t| t.vertex).filter(|v| !step.met.contains(v)).collect();
-        let mut free: Vec<VertexId> = step.met.clone();
+        missed.clear();
+        missed.extend(starts.iter().map(|t| t.vertex).filter(|v| !step.met.contains(v)));
+        free.clear();
+        free.extend_from_slice(&step.met);
         free.sort_unstable();
         free.dedup();
         free.retain(|&v| !is_start(v) && step.tags.contains(&OnLines { vertex: v, lines: line::START }));
         let up = slit.corners[3] - slit.corners[0];
-        for from in missed {
+        for &from in &*missed {
             let a = tissue.position(from);
             let place = |v: VertexId| {
                 let new = step.new_vertices.iter().find(|n| n.vertex == v);

@@ -1,18 +1,19 @@
 //! A tear through one tissue: blade poses in, the surface torn box by box, live (MATHS 5).
 
+#[path = "box_planes.rs"]
+mod box_planes;
 #[path = "slit_stroke.rs"]
 mod slit_stroke;
 
 use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
 use crate::diagnostics::Stages;
-use crate::geometry::{FaceId, Plane, VertexId};
-use crate::particles::{LipVertex, MapUpdateReport, release_slit};
-use crate::surgery::clip::MAX_PLANES;
+use crate::geometry::{FaceId, VertexId};
+use crate::particles::{LipVertex, release_slit};
 use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
 use crate::surgery::tear_walls::WallSpec;
-use crate::surgery::walls::Facets;
 use crate::surgery::{BladePose, EntryPoint, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
+use box_planes::BoxPlanes;
 use glam::{DMat3, DVec3};
 use slit_stroke::SlitState;
 pub(super) use slit_stroke::{at_rest, bind_slit};
@@ -86,12 +87,25 @@ struct Ended {
     near: Vec<VertexId>,
 }
 
+impl Ended {
+    /// Nothing, in the same lists.
+    fn emptied(mut self) -> Self {
+        self.tags.clear();
+        self.end_wall.clear();
+        self.other_walls.clear();
+        self.lips.clear();
+        self.near.clear();
+        self
+    }
+}
+
 /// A stroke in progress through one tissue.
 pub struct TearStroke {
     stroke: Stroke,
     segments: Vec<TearSegment>,
     /// The last boxes, newest last: two chains take turns where the blade turns about a point of its own.
     ended: Vec<Ended>,
+    spare_ended: Vec<Ended>,
     slit: u32,
     candidates: Vec<FaceId>,
     /// Vertices that the last box touched or made, as far as they live.
@@ -105,8 +119,17 @@ pub struct TearStroke {
     slits: SlitState,
     reports: Vec<SegmentReport>,
     ties: Vec<Tie>,
-    /// What the boxes changed, one entry a box, since the last [`TearStroke::take_deltas`].
+    /// What the boxes changed, one entry a box, since the last [`TearStroke::drain_deltas`].
     deltas: Vec<TissueDelta>,
+    /// Deltas that have been handed over, for their room.
+    spare_deltas: Vec<TissueDelta>,
+    seen: Vec<u64>,
+    planes: BoxPlanes,
+    tags: Vec<OnPlanes>,
+    /// Faces that the last box put in, sorted.
+    made: Vec<FaceId>,
+    lips: Vec<LipVertex>,
+    removed: Vec<VertexId>,
     /// The tissue has moved since the pending quads were tied.
     moved: bool,
     wall: WallMode,
@@ -121,6 +144,7 @@ impl TearStroke {
             stroke: Stroke::new(width, sampling),
             segments: Vec::new(),
             ended: Vec::new(),
+            spare_ended: Vec::new(),
             slit: tissue.layer().map_or(0, |l| l.strips.next_slit()),
             candidates: Vec::new(),
             near: Vec::new(),
@@ -133,15 +157,44 @@ impl TearStroke {
             reports: Vec::new(),
             ties: Vec::new(),
             deltas: Vec::new(),
+            spare_deltas: Vec::new(),
+            seen: Vec::new(),
+            planes: BoxPlanes::default(),
+            tags: Vec::new(),
+            made: Vec::new(),
+            lips: Vec::new(),
+            removed: Vec::new(),
             moved: false,
             wall: WallMode::Open,
             joined: Vec::new(),
         }
     }
 
+    /// [`TearStroke::new`] in the buffers of a stroke that is over.
+    pub fn again(mut self, tissue: &Tissue, width: f64, sampling: Sampling) -> Self {
+        self.segments.clear();
+        self.spare_ended.append(&mut self.ended);
+        self.candidates.clear();
+        self.near.clear();
+        self.boxes.clear();
+        self.reports.clear();
+        self.ties.clear();
+        self.deltas.clear();
+        self.positions.forget();
+        self.slits.begin();
+        let slit = tissue.layer().map_or(0, |l| l.strips.next_slit());
+        Self { stroke: self.stroke.again(width, sampling), slit, moved: false, ..self }
+    }
+
     /// The same with walls and a floor, or without.
-    pub fn walled(self, wall: WallMode) -> Self {
-        Self { wall, ..self }
+    pub fn walled(mut self, wall: WallMode) -> Self {
+        self.set_wall(wall);
+        self
+    }
+
+    /// What lines the boxes that come.
+    pub fn set_wall(&mut self, wall: WallMode) {
+        self.wall = wall;
     }
 
     /// Takes the next blade pose (tissue space) and tears as far as it allows: a box is committed when the sample after its
@@ -223,9 +276,20 @@ impl TearStroke {
         ties.truncate(kept);
     }
 
-    /// Hands over what the boxes have changed since the last call, oldest first.
-    pub fn take_deltas(&mut self) -> Vec<TissueDelta> {
-        std::mem::take(&mut self.deltas)
+    /// Hands over what the boxes have changed since the last call, oldest first. The room that `each` leaves is used again.
+    pub fn drain_deltas(&mut self, mut each: impl FnMut(&mut TissueDelta)) {
+        for mut delta in self.deltas.drain(..) {
+            each(&mut delta);
+            self.spare_deltas.push(delta);
+        }
+    }
+
+    /// Closes the notes of a box.
+    fn close_notes(&mut self, tissue: &mut Tissue, report: &mut SegmentReport) {
+        let mut delta = self.spare_deltas.pop().unwrap_or_default();
+        report.stages.time("update_mesh", || tissue.take_delta_into(&mut delta));
+        report.bytes_changed = delta.upload_bytes(&mut self.seen);
+        self.deltas.push(delta);
     }
 
     /// Boxes committed so far, in order; in a closed tear without those wholly inside the solid, which take nothing out.
@@ -249,28 +313,32 @@ impl TearStroke {
     }
 
     fn tear_segments(&mut self, tissue: &mut Tissue) {
-        for segment in std::mem::take(&mut self.segments) {
+        let mut segments = std::mem::take(&mut self.segments);
+        for segment in segments.drain(..) {
             match &segment {
                 TearSegment::Box(tear_box) => self.tear_box(tissue, tear_box),
                 TearSegment::Slit(slit) => self.tear_slit(tissue, slit),
             }
         }
+        self.segments = segments;
     }
 
     fn tear_box(&mut self, tissue: &mut Tissue, tear_box: &TearBox) {
         let mut report = SegmentReport::default();
-        let mut planes = BoxPlanes::new(tear_box, FLAT_SIDE * tissue.diagonal());
+        let mut planes = std::mem::take(&mut self.planes);
+        planes.set(tear_box, FLAT_SIDE * tissue.diagonal());
         let follows = |e: &Ended| (e.place.0, e.place.1 + 1) == (tear_box.chain, tear_box.index);
         if let Some(last) = self.ended.last_mut() {
             std::mem::swap(&mut last.near, &mut self.near);
         }
         let before = self.ended.iter().position(follows).map(|i| self.ended.remove(i));
         let start = before.as_ref().map(|e| e.at_rest);
-        let before = before.unwrap_or_default();
+        let before = before.or_else(|| self.spare_ended.pop().map(Ended::emptied)).unwrap_or_default();
         if self.moved && !before.tags.is_empty() {
             planes.reach_back(tear_box);
         }
-        let mut tags = planes.start_tags(&before.tags);
+        let mut tags = std::mem::take(&mut self.tags);
+        planes.start_tags(&before.tags, &mut tags);
         if planes.start == 0 && self.wall == WallMode::Closed {
             planes.tag_lips(&before.lips, &mut tags);
         }
@@ -305,6 +373,8 @@ impl TearStroke {
             self.rest_edge(tissue, tear_box, 1)
         };
         self.keep_end(tissue, tear_box, &planes, end);
+        self.spare_ended.push(before);
+        (self.planes, self.tags) = (planes, tags);
         if hit || self.wall == WallMode::Open || !is_buried(tissue, tear_box) {
             self.boxes.push(tear_box.clone());
         }
@@ -327,21 +397,23 @@ impl TearStroke {
     fn keep_end(&mut self, tissue: &Tissue, tear_box: &TearBox, planes: &BoxPlanes, at_rest: [DVec3; 2]) {
         let step = &self.step;
         // the box may have cut what those of the other chain have left; a face's slot may be in use again
-        let mut made: Vec<FaceId> = Vec::new();
+        let made = &mut self.made;
+        made.clear();
         if !self.ended.is_empty() {
             made.extend(step.added_faces.iter().copied().chain(step.walls.iter().map(|w| w.0)));
             made.sort_unstable();
         }
         let stands = |f: &FaceId| tissue.mesh.is_live(*f) && made.binary_search(f).is_err();
-        self.ended.drain(..self.ended.len().saturating_sub(ENDS_KEPT - 1));
+        self.spare_ended.extend(self.ended.drain(..self.ended.len().saturating_sub(ENDS_KEPT - 1)));
         for other in &mut self.ended {
             other.end_wall.retain(stands);
             other.other_walls.retain(stands);
             other.tags.retain(|t| tissue.mesh.vertex_is_live(t.vertex));
             other.lips.retain(|l| tissue.mesh.vertex_is_live(l.0));
         }
-        let mut end = Ended { place: (tear_box.chain, tear_box.index), at_rest, ..Ended::default() };
-        end.tags = planes.end_edges(&step.on_end);
+        let mut end = self.spare_ended.pop().unwrap_or_default().emptied();
+        (end.place, end.at_rest) = ((tear_box.chain, tear_box.index), at_rest);
+        planes.end_edges(&step.on_end, &mut end.tags);
         if self.wall == WallMode::Closed {
             for &(face, side) in &step.walls {
                 (if side == Side::End { &mut end.end_wall } else { &mut end.other_walls }).push(face);
@@ -388,25 +460,27 @@ impl TearStroke {
             let corners = [start[0], end[0], end[1], start[1]];
             layer.strips.push(corners, layer.settings.radius, self.slit).ok()
         });
-        let lips: Vec<LipVertex> = strip.map_or_else(Vec::new, |strip| {
+        let Self { lips, removed, .. } = self;
+        lips.clear();
+        if let Some(strip) = strip {
             // a strip's normal, travel x up, points to the box's minus side
-            self.step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }).collect()
-        });
-        let removed: Vec<VertexId> = step.touched.iter().copied().filter(|&v| !tissue.mesh.vertex_is_live(v)).collect();
-        let update: MapUpdateReport = report.stages.time("update_particles", || {
+            lips.extend(step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }));
+        }
+        removed.clear();
+        removed.extend(step.touched.iter().filter(|&&v| !tissue.mesh.vertex_is_live(v)));
+        let update = report.stages.time("update_particles", || {
             let strips = strip.map_or(0..0, |s| s..s + 1);
-            tissue.update_map(&self.step.new_vertices, &removed, strips, &lips)
+            tissue.update_map(&step.new_vertices, removed, strips, lips)
         });
         let made = self.step.new_vertices.iter().map(|n| n.vertex);
         self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
         report.wound_particles = update.particles_added.len();
         report.vertices_visited = update.vertices_visited;
+        tissue.scratch.update.reuse(update);
         let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
         report.wall_deviation = corners.map(|n| tissue.held_by(n.vertex)).fold(0.0, f64::max);
         tissue.versions.structure += 1;
-        let delta = report.stages.time("update_mesh", || tissue.take_delta());
-        report.bytes_changed = delta.upload_bytes();
-        self.deltas.push(delta);
+        self.close_notes(tissue, report);
         end
     }
 
@@ -472,131 +546,4 @@ fn entries<'a>(tissue: &'a Tissue, positions: &'a PositionCache) -> impl Fn(DVec
 /// Turns normals near a vertex into normals at rest: the transpose of the blended matrix (MATHS 2.3).
 fn rest_from_posed(tissue: &Tissue, near: Option<VertexId>) -> DMat3 {
     near.map_or(DMat3::IDENTITY, |v| tissue.pose.blended_linear(&tissue.rows, v).transpose())
-}
-
-/// The planes of a box, a flat side's two triangles as one.
-struct BoxPlanes {
-    planes: Vec<Plane>,
-    sides: Vec<Side>,
-    /// Bits of the planes that hold edge `k` of the start quad, and of the end quad.
-    edge_planes: [[u16; 4]; 2],
-    /// Plane bits that every vertex on the start joint has.
-    start: u16,
-    facets: Facets,
-}
-
-/// Bits of quad edges in tags that wait for the next box.
-type EdgeBits = u16;
-
-impl BoxPlanes {
-    fn new(tear_box: &TearBox, flat: f64) -> Self {
-        let mut all = Self {
-            planes: Vec::with_capacity(MAX_PLANES),
-            sides: Vec::new(),
-            edge_planes: [[0; 4]; 2],
-            start: 1,
-            facets: Facets::default(),
-        };
-        let push = |all: &mut Self, k: usize| {
-            let space = &tear_box.planes[k];
-            let plane = Plane::Points(space.points);
-            all.planes.push(if space.flipped { plane.flipped() } else { plane });
-            all.sides.push(space.side);
-            1u16 << (all.planes.len() - 1)
-        };
-        all.facets.corners = tear_box.corners();
-        all.facets.avoided = 1;
-        push(&mut all, 0);
-        all.facets.push(&[0, 3, 2, 1]);
-        push(&mut all, 1);
-        all.facets.push(&[4, 5, 6, 7]);
-        for k in 0..4 {
-            let first = push(&mut all, 2 + 2 * k);
-            let is_flat = tear_box.bulge[k] <= flat;
-            if is_flat {
-                let (a, b) = (k as u8, (k as u8 + 1) % 4);
-                all.facets.push(&[a, b, b + 4, a + 4]);
-            } else {
-                all.facets.push(&tear_box.triangles[2 * k]);
-                all.facets.push(&tear_box.triangles[2 * k + 1]);
-            }
-            let second = if is_flat { first } else { push(&mut all, 3 + 2 * k) };
-            all.edge_planes[0][k] = first;
-            all.edge_planes[1][k] = second;
-        }
-        all
-    }
-
-    /// Outward normals of the planes, and their distances from the origin, rounded. Places without a plane keep nothing apart.
-    fn outward(&self) -> [(DVec3, f64); MAX_PLANES] {
-        let mut outward = [(DVec3::ZERO, 0.0); MAX_PLANES];
-        for (known, plane) in outward.iter_mut().zip(&self.planes) {
-            *known = (plane.normal(), plane.distance(DVec3::ZERO));
-        }
-        outward
-    }
-
-    /// Faces of the sections that reach into the box; `low` and `high` are its bounds.
-    fn faces_within(&self, tissue: &Tissue, (low, high): (DVec3, DVec3), out: &mut Vec<FaceId>) {
-        let (slack, outward) = (1e-9 * tissue.diagonal(), self.outward());
-        let meets = |l: DVec3, h: DVec3| {
-            let (middle, half) = ((l + h) / 2.0, (h - l) / 2.0);
-            let beyond = |&(n, d): &(DVec3, f64)| n.dot(middle) + d > n.abs().dot(half) + slack;
-            !(l.cmpgt(high).any() || h.cmplt(low).any() || outward.iter().any(beyond))
-        };
-        out.clear();
-        out.extend(tissue.faces_where(meets));
-    }
-
-    /// Draws the start plane back by half the box. Where the tissue moves, the end of the slit does not stay in a plane, and
-    /// skin behind the joint would be left as a strand across the slit; between the lips there is nothing else to reach.
-    fn reach_back(&mut self, tear_box: &TearBox) {
-        let [[tip, top], [next_tip, next_top]] = tear_box.blades;
-        let by = ((tip + top) - (next_tip + next_top)) / 4.0;
-        if let Plane::Points(points) = &mut self.planes[0] {
-            *points = points.map(|p| p + by);
-        }
-        for k in 0..4 {
-            let [a, b] = [k, k + 4].map(|c| self.facets.corners[c]);
-            let along = (b - a).normalize_or_zero();
-            let share = along.dot(by.normalize_or_zero()).abs().max(0.1);
-            self.facets.corners[k] = a - along * (by.length() / share);
-        }
-        self.start = 0;
-    }
-
-    /// Vertices on the lips of the box before are on this one's sides, however the tissue has moved them.
-    fn tag_lips(&self, lips: &[(VertexId, i8)], tags: &mut Vec<OnPlanes>) {
-        let planes = |side: Side| (0..self.sides.len()).filter(|&k| self.sides[k] == side).fold(0, |m, k| m | 1 << k);
-        let (minus, plus) = (planes(Side::Minus), planes(Side::Plus));
-        tags.extend(lips.iter().map(|l| OnPlanes { vertex: l.0, planes: if l.1 < 0 { minus } else { plus } }));
-        tags.sort_unstable_by_key(|t| t.vertex);
-        tags.dedup_by(|a, b| {
-            b.planes |= if a.vertex == b.vertex { a.planes } else { 0 };
-            a.vertex == b.vertex
-        });
-    }
-
-    /// Tags for this box from the quad edges that vertices of the box before ended on.
-    fn start_tags(&self, ended: &[OnPlanes]) -> Vec<OnPlanes> {
-        let planes = |edges: EdgeBits| {
-            let sides = (0..4).filter(|k| edges >> k & 1 == 1).fold(self.start, |m, k| m | self.edge_planes[0][k]);
-            // where two edges meet is a corner, which lies on every facet that holds it
-            let corners = (0..4u8).filter(|&c| edges >> c & 1 == 1 && edges >> ((c + 3) % 4) & 1 == 1);
-            corners.fold(sides, |m, c| m | self.facets.planes_at(c) & !1)
-        };
-        ended.iter().map(|t| OnPlanes { vertex: t.vertex, planes: planes(t.planes) }).collect()
-    }
-
-    /// Vertices on the end joint, with the quad edges they lie on, sorted.
-    fn end_edges(&self, on_end: &[OnPlanes]) -> Vec<OnPlanes> {
-        let edges = |planes: u16| (0..4).filter(|&k| planes & self.edge_planes[1][k] != 0).fold(0, |m, k| m | 1 << k);
-        let mut ended: Vec<OnPlanes> = on_end.iter().map(|t| OnPlanes { vertex: t.vertex, planes: edges(t.planes) }).collect();
-        ended.sort_unstable_by_key(|t| t.vertex);
-        ended.dedup_by(|a, b| {
-            b.planes |= if a.vertex == b.vertex { a.planes } else { 0 };
-            a.vertex == b.vertex
-        });
-        ended
-    }
 }

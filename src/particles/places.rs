@@ -1,0 +1,56 @@
+//! What is where, for updates of the particle map.
+
+use super::holders::{Holders, VertexSet};
+use super::link_tests::LinkTests;
+use super::lists::Lists;
+use super::particle_map::ParticleMap;
+use super::point_grid::PointGrid;
+use super::settings::ParticleSettings;
+use super::strips::LipSide;
+use crate::geometry::{SlotCsr, VertexId};
+use glam::DVec3;
+
+/// What is where, for updates that look around a wound. All of it holds supersets. Undo and redo leave it as it is: whatever comes
+/// back was put in when it was made.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Places {
+    /// Particles by their anchor.
+    pub(super) anchors: PointGrid,
+    /// Vertices by particle.
+    pub(super) holders: Holders,
+    /// Strips near the particles.
+    pub(super) links: LinkTests,
+    /// Vertices that are or once were lips of each strip.
+    pub(super) lips: Lists<VertexId>,
+    /// Vertices that are or once were held from beyond a particle's radius.
+    pub(super) far: VertexSet,
+    /// Radius of an ordinary particle, and of a wound particle, metres.
+    pub(super) radii: [f64; 2],
+    pub(super) is_built: bool,
+}
+
+impl Places {
+    /// The one pass over everything. `reach` is the longest link.
+    pub(super) fn build(rest: &[DVec3], map: &ParticleMap, lips: &SlotCsr<LipSide>, settings: &ParticleSettings) -> Self {
+        let positions = map.anchors.iter().map(|a| a.is_some().then(|| rest[a.index()]));
+        let held = |v: VertexId| map.influences.row(v.index()).iter().map(|i| i.particle);
+        let is_far = |&v: &VertexId| held(v).any(|j| settings.weight(map, rest, v, j) <= 0.0);
+        let rows = map.influences.rows().min(rest.len());
+        let mut places = Self {
+            anchors: PointGrid::build(positions, settings.reach()),
+            holders: Holders::build(map, rest),
+            radii: [settings.radius, settings.wound.radius.min(settings.radius)],
+            is_built: true,
+            ..Self::default()
+        };
+        places.far.extend((0..rows).map(VertexId::new).filter(is_far));
+        for v in 0..lips.rows() {
+            lips.row(v).iter().for_each(|l| places.note_lip(VertexId::new(v), l.strip as usize));
+        }
+        places
+    }
+
+    pub(super) fn note_lip(&mut self, v: VertexId, strip: usize) {
+        self.lips.push(strip, v);
+    }
+}

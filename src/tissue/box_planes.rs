@@ -1,0 +1,136 @@
+//! The planes of a tear's box, and what lies on which.
+
+use super::Tissue;
+use crate::geometry::{FaceId, Plane, VertexId};
+use crate::surgery::clip::MAX_PLANES;
+use crate::surgery::tear::OnPlanes;
+use crate::surgery::walls::Facets;
+use crate::surgery::{Side, TearBox};
+use glam::DVec3;
+
+/// The planes of a box, a flat side's two triangles as one.
+#[derive(Default)]
+pub(super) struct BoxPlanes {
+    pub(super) planes: Vec<Plane>,
+    pub(super) sides: Vec<Side>,
+    /// Bits of the planes that hold edge `k` of the start quad, and of the end quad.
+    edge_planes: [[u16; 4]; 2],
+    /// Plane bits that every vertex on the start joint has.
+    pub(super) start: u16,
+    pub(super) facets: Facets,
+}
+
+/// Bits of quad edges in tags that wait for the next box.
+type EdgeBits = u16;
+
+impl BoxPlanes {
+    /// Of another box.
+    pub(super) fn set(&mut self, tear_box: &TearBox, flat: f64) {
+        let all = self;
+        all.planes.clear();
+        all.sides.clear();
+        all.start = 1;
+        all.facets.cycles.clear();
+        all.facets.seen_inside = None;
+        let push = |all: &mut Self, k: usize| {
+            let space = &tear_box.planes[k];
+            let plane = Plane::Points(space.points);
+            all.planes.push(if space.flipped { plane.flipped() } else { plane });
+            all.sides.push(space.side);
+            1u16 << (all.planes.len() - 1)
+        };
+        all.facets.corners = tear_box.corners();
+        all.facets.avoided = 1;
+        push(all, 0);
+        all.facets.push(&[0, 3, 2, 1]);
+        push(all, 1);
+        all.facets.push(&[4, 5, 6, 7]);
+        for k in 0..4 {
+            let first = push(all, 2 + 2 * k);
+            let is_flat = tear_box.bulge[k] <= flat;
+            if is_flat {
+                let (a, b) = (k as u8, (k as u8 + 1) % 4);
+                all.facets.push(&[a, b, b + 4, a + 4]);
+            } else {
+                all.facets.push(&tear_box.triangles[2 * k]);
+                all.facets.push(&tear_box.triangles[2 * k + 1]);
+            }
+            let second = if is_flat { first } else { push(all, 3 + 2 * k) };
+            all.edge_planes[0][k] = first;
+            all.edge_planes[1][k] = second;
+        }
+    }
+
+    /// Outward normals of the planes, and their distances from the origin, rounded. Places without a plane keep nothing apart.
+    pub(super) fn outward(&self) -> [(DVec3, f64); MAX_PLANES] {
+        let mut outward = [(DVec3::ZERO, 0.0); MAX_PLANES];
+        for (known, plane) in outward.iter_mut().zip(&self.planes) {
+            *known = (plane.normal(), plane.distance(DVec3::ZERO));
+        }
+        outward
+    }
+
+    /// Faces of the sections that reach into the box; `low` and `high` are its bounds.
+    pub(super) fn faces_within(&self, tissue: &Tissue, (low, high): (DVec3, DVec3), out: &mut Vec<FaceId>) {
+        let (slack, outward) = (1e-9 * tissue.diagonal(), self.outward());
+        let meets = |l: DVec3, h: DVec3| {
+            let (middle, half) = ((l + h) / 2.0, (h - l) / 2.0);
+            let beyond = |&(n, d): &(DVec3, f64)| n.dot(middle) + d > n.abs().dot(half) + slack;
+            !(l.cmpgt(high).any() || h.cmplt(low).any() || outward.iter().any(beyond))
+        };
+        out.clear();
+        out.extend(tissue.faces_where(meets));
+    }
+
+    /// Draws the start plane back by half the box. Where the tissue moves, the end of the slit does not stay in a plane, and
+    /// skin behind the joint would be left as a strand across the slit; between the lips there is nothing else to reach.
+    pub(super) fn reach_back(&mut self, tear_box: &TearBox) {
+        let [[tip, top], [next_tip, next_top]] = tear_box.blades;
+        let by = ((tip + top) - (next_tip + next_top)) / 4.0;
+        if let Plane::Points(points) = &mut self.planes[0] {
+            *points = points.map(|p| p + by);
+        }
+        for k in 0..4 {
+            let [a, b] = [k, k + 4].map(|c| self.facets.corners[c]);
+            let along = (b - a).normalize_or_zero();
+            let share = along.dot(by.normalize_or_zero()).abs().max(0.1);
+            self.facets.corners[k] = a - along * (by.length() / share);
+        }
+        self.start = 0;
+    }
+
+    /// Vertices on the lips of the box before are on this one's sides, however the tissue has moved them.
+    pub(super) fn tag_lips(&self, lips: &[(VertexId, i8)], tags: &mut Vec<OnPlanes>) {
+        let planes = |side: Side| (0..self.sides.len()).filter(|&k| self.sides[k] == side).fold(0, |m, k| m | 1 << k);
+        let (minus, plus) = (planes(Side::Minus), planes(Side::Plus));
+        tags.extend(lips.iter().map(|l| OnPlanes { vertex: l.0, planes: if l.1 < 0 { minus } else { plus } }));
+        tags.sort_unstable_by_key(|t| t.vertex);
+        tags.dedup_by(|a, b| {
+            b.planes |= if a.vertex == b.vertex { a.planes } else { 0 };
+            a.vertex == b.vertex
+        });
+    }
+
+    /// Tags for this box from the quad edges that vertices of the box before ended on.
+    pub(super) fn start_tags(&self, ended: &[OnPlanes], tags: &mut Vec<OnPlanes>) {
+        let planes = |edges: EdgeBits| {
+            let sides = (0..4).filter(|k| edges >> k & 1 == 1).fold(self.start, |m, k| m | self.edge_planes[0][k]);
+            // where two edges meet is a corner, which lies on every facet that holds it
+            let corners = (0..4u8).filter(|&c| edges >> c & 1 == 1 && edges >> ((c + 3) % 4) & 1 == 1);
+            corners.fold(sides, |m, c| m | self.facets.planes_at(c) & !1)
+        };
+        tags.clear();
+        tags.extend(ended.iter().map(|t| OnPlanes { vertex: t.vertex, planes: planes(t.planes) }));
+    }
+
+    /// Vertices on the end joint, with the quad edges they lie on, sorted.
+    pub(super) fn end_edges(&self, on_end: &[OnPlanes], ended: &mut Vec<OnPlanes>) {
+        let edges = |planes: u16| (0..4).filter(|&k| planes & self.edge_planes[1][k] != 0).fold(0, |m, k| m | 1 << k);
+        ended.extend(on_end.iter().map(|t| OnPlanes { vertex: t.vertex, planes: edges(t.planes) }));
+        ended.sort_unstable_by_key(|t| t.vertex);
+        ended.dedup_by(|a, b| {
+            b.planes |= if a.vertex == b.vertex { a.planes } else { 0 };
+            a.vertex == b.vertex
+        });
+    }
+}
