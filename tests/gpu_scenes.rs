@@ -199,6 +199,33 @@ fn a_cut_with_caps() {
     assert!(difference(&cut(EditCommand::Cut).1, &load("capped-cut")) > TOLERANCE, "the caps must show");
 }
 
+/// From so near that what is small shows: relief and the film's gleam, the lip's width and its walls, light inside a wound; and the
+/// ruler on the tray.
+#[test]
+fn details_from_near() {
+    let near = |eye: [f64; 3], target: [f64; 3]| {
+        let camera = Camera { eye: eye.into(), target: target.into(), up: DVec3::Y, fov_y: 0.5 };
+        ViewPose::from_camera(&camera, f64::from(SIZE.0) / f64::from(SIZE.1)).expect("a camera")
+    };
+    let wound = near([0.045, 0.03, 0.125], [0.004, 0.006, 0.04]);
+    let ruler = near([-0.06, 0.02, 0.17], [-0.06, -0.075, 0.08]);
+    for (wall, name) in [(WallMode::Open, "open-near"), (WallMode::Closed, "closed-near")] {
+        let mut scene = scene("heart", 6000).0;
+        scene.set_wall(wall);
+        let (mut app, mut target) = (App::new(scene, 1.0, || 0), Target::new(vec![wound, ruler]));
+        target.from_s = 23.5 / 60.0;
+        let pose = |t: f64| {
+            let at = DVec3::new(0.012 - 0.012 * t, 0.03 - 0.045 * t, 0.0);
+            EditCommand::StrokePose(BladePose { t, tip: at + DVec3::Z * 0.02, base: at + DVec3::Z * 0.14 })
+        };
+        let stroke = [EditCommand::StrokeBegin { width: 0.003 }, pose(0.0), pose(0.5), pose(1.0), EditCommand::StrokeEnd];
+        frame(&mut app, &mut target, 0, stroke.to_vec(), &[]);
+        (1..25).for_each(|number| frame(&mut app, &mut target, number, Vec::new(), &[]));
+        compare(name, SIZE, &target.pictures[0]);
+        compare("ruler", SIZE, &target.pictures[1]);
+    }
+}
+
 #[test]
 fn a_stereo_pair() {
     let view = |side: f64| ViewPose {

@@ -148,8 +148,8 @@ fn masks_instruments_lines_and_late_poses_agree_in_one_pass_and_in_two() {
     }
     let late = eyes().map(|e| ViewPose { position: e.position + e.forward() * 0.1, ..e });
     let full = Dress { lines: lines(), instruments: instruments(), masks: masks(), late: Some(late) };
-    // Besides the shadow: mask, two solid instruments, tissue, backdrop, lines, and the plane.
-    let draws = (1 + 7, 1 + 2 * 7);
+    // Besides the shadows of the tissue and of two solid instruments: mask, these two, tissue, backdrop, lines, and the plane.
+    let draws = (3 + 7, 3 + 2 * 7);
     agree(true, &full, draws);
     let all = agree(false, &full, draws);
     // The control: each part shows in both eyes' pictures.

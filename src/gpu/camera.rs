@@ -43,7 +43,7 @@ impl Camera {
             return Err(GpuError::BadCamera("a number is not finite"));
         }
         if !(1e-3..std::f64::consts::PI - 1e-3).contains(&self.fov_y) {
-            return Err(GpuError::BadCamera("fov_y must be above 0 and below pi radians"));
+            return Err(GpuError::BadCamera("fov_y must be at least 0.001 and below 3.14 radians"));
         }
         if self.eye == self.target || (self.target - self.eye).cross(self.up).length_squared() == 0.0 {
             return Err(GpuError::BadCamera("eye and target coincide, or up points along the line of sight"));

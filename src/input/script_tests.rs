@@ -184,6 +184,7 @@ fn values_without_sense_are_errors_that_name_the_line() {
         ("[camera]\neye = [1, 2, 3]\ntarget = [1, 2, 3]".to_owned(), 2, "target"),
         ("[camera]\nup = [0, 0, 0]".to_owned(), 2, "up"),
         ("[camera]\nfov_y = 4.0".to_owned(), 2, "fov_y"),
+        ("[camera]\nfov_y = 0.0009".to_owned(), 2, "at least 0.001"),
         ("[tear]\nwidth = -0.1".to_owned(), 2, "width"),
         ("[tear]\nwidth = nan".to_owned(), 2, "width"),
         ("[particles]\nspacing = 0.2\nradius = 0.1".to_owned(), 3, "radius"),

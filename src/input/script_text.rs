@@ -236,7 +236,7 @@ fn camera(raw: &RawCamera) -> Checked<Camera> {
         eye: optional_point("eye", raw.eye.as_ref())?,
         target: optional_point("target", raw.target.as_ref())?,
         up: up.unwrap_or(default.up),
-        fov_y: number("fov_y", raw.fov_y.as_ref(), |x| x > 0.0 && x < 3.1, "above 0 and below 3.1 radians")?
+        fov_y: number("fov_y", raw.fov_y.as_ref(), |x| (1e-3..3.1).contains(&x), "at least 0.001 and below 3.1 radians")?
             .unwrap_or(default.fov_y),
         orbit: number("orbit", raw.orbit.as_ref(), |_| true, "a finite number")?.unwrap_or(default.orbit),
     };
