@@ -77,7 +77,7 @@ impl Belt {
             self.bytes.clear();
             return;
         }
-        let whole = self.stage();
+        let whole = self.stage(context);
         for step in self.steps.drain(..) {
             match step {
                 Step::Write { target, offset, start, len } => {
@@ -102,8 +102,9 @@ impl Belt {
 
     /// All bytes in one piece of staging memory, and where in its buffer, unless they are too many: a piece for each of an edit's
     /// many writes takes longer.
-    fn stage(&mut self) -> Option<(wgpu::Buffer, u64)> {
-        let size = wgpu::BufferSize::new(self.bytes.len() as u64).filter(|size| size.get() <= KEEP as u64)?;
+    fn stage(&mut self, context: &Context) -> Option<(wgpu::Buffer, u64)> {
+        let most = context.device().limits().max_buffer_size.min(KEEP as u64);
+        let size = wgpu::BufferSize::new(self.bytes.len() as u64).filter(|size| size.get() <= most)?;
         let slice = self.staging.allocate(size, wgpu::BufferSize::new(wgpu::COPY_BUFFER_ALIGNMENT)?);
         slice.get_mapped_range_mut().ok()?.copy_from_slice(&self.bytes);
         Some((slice.buffer().clone(), slice.offset()))
