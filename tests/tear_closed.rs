@@ -560,3 +560,40 @@ fn crumbs_are_no_pieces() {
     let torn = scene.edit_hash();
     assert!(scene.undo() && scene.edit_hash() == before && scene.redo() && scene.edit_hash() == torn);
 }
+
+/// A shallow slit along the whole bar, floor and all: bent, its floor stays as far below the skin as it was cut. A floor that took its
+/// bones from the floor of the box before would go with the joint of the slit's first end.
+#[test]
+fn the_floor_of_a_long_slit_bends_with_the_skin_above_it() {
+    let (mut scene, animated) = models::scene("beam", 2400);
+    assert!(animated);
+    scene.set_wall(WallMode::Closed);
+    let (_, tissue) = scene.tissues().next().unwrap();
+    let loaded = tissue.mesh().vertex_slots();
+    let (low, high) = tissue.bounds();
+    let (low, high) = (low + tissue.offset(), high + tissue.offset());
+    let depth = 0.3 * (high.y - low.y);
+    let poses: Vec<BladePose> = (0..30)
+        .map(|i| {
+            let tip = DVec3::new(low.x + (high.x - low.x) * (0.05 + 0.9 * f64::from(i) / 29.0), high.y - depth, 0.0);
+            BladePose { t: f64::from(i) * 0.03, tip, base: tip + DVec3::Y }
+        })
+        .collect();
+    assert_eq!(stroke(&mut scene, 0.004, &poses).outcome, Outcome::Torn);
+    let below = |scene: &Scene| -> Vec<(f64, f64)> {
+        let (_, tissue) = scene.tissues().next().unwrap();
+        let made = |v: &VertexId| v.index() >= loaded;
+        let (floor, lips): (Vec<VertexId>, Vec<VertexId>) =
+            tissue.mesh().live_vertices().filter(made).partition(|&v| tissue.rows().is_base(v));
+        let above = |p: DVec3| lips.iter().map(|&v| tissue.position(v).distance(p)).fold(f64::INFINITY, f64::min);
+        floor.iter().map(|&v| (tissue.rows().rest(v).x, above(tissue.position(v)))).collect()
+    };
+    let flat = below(&scene);
+    assert!(flat.len() > 20, "{} corners", flat.len());
+    scene.set_animation(Some(0));
+    scene.pose(0.5, 0.5);
+    let bent = below(&scene);
+    for ((x, a), (_, b)) in flat.iter().zip(&bent) {
+        assert!((0.6..1.5).contains(&(b / a)), "the floor at {x}: {a} m below the skin, bent {b}");
+    }
+}

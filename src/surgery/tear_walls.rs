@@ -130,7 +130,7 @@ impl TearScratch {
         lining.make_vertices(mesh, spec);
         for (i, &vertex) in lining.vertices.iter().enumerate().skip(lining.edges.len()) {
             let (WallPoint::Corner(c), at) = lining.walls.points[i] else { continue };
-            let parent = lining.nearest_rim(at);
+            let parent = lining.nearest_rim(mesh, at);
             let none = (VertexId::NONE, 0.0);
             out.new_vertices.push(NewVertex { vertex, parents: [(parent, 1.0), none, none], parent_count: 0, position: at });
             self.note_corner(body, vertex, spec.facets.planes_at(c), out);
@@ -249,11 +249,16 @@ impl WallScratch {
         self.vertices.extend(self.walls.points.iter().map(vertex));
     }
 
-    /// The rim's vertex nearest to a corner of the body: what it takes its bones from.
-    fn nearest_rim(&self, p: DVec3) -> VertexId {
-        let rim = 0..self.edges.len();
-        let away = |i: &usize| self.walls.points[*i].1.distance_squared(p);
-        rim.min_by(|a, b| away(a).total_cmp(&away(b))).map_or(VertexId::NONE, |i| self.vertices[i])
+    /// The rim's vertex nearest to a corner of the body: what it takes its bones from. One of the model's own surface, where there is
+    /// any: from walls, bones would be handed on from box to box along the whole slit.
+    fn nearest_rim(&self, mesh: &Mesh, p: DVec3) -> VertexId {
+        let key = |i: usize| {
+            let is_wall = mesh.face_info(self.edges[i].open.face()).origin == u32::MAX;
+            (is_wall, self.walls.points[i].1.distance_squared(p))
+        };
+        let rim = (0..self.edges.len()).map(|i| (key(i), i));
+        let nearest = rim.min_by(|a, b| a.0.0.cmp(&b.0.0).then(a.0.1.total_cmp(&b.0.1)));
+        nearest.map_or(VertexId::NONE, |(_, i)| self.vertices[i])
     }
 
     fn make_faces(&mut self, mesh: &mut Mesh, body: &Body, spec: &WallSpec) {
