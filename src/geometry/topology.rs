@@ -104,7 +104,7 @@ impl Mesh {
         for run in scratch.edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             if let [(.., a), (.., b)] = *run {
                 self.pair(a, b);
-            } else if !scratch.ties.is_empty() {
+            } else if run.len() > 2 && !scratch.ties.is_empty() {
                 self.join_tied(run, scratch);
             }
         }
@@ -147,6 +147,10 @@ impl Mesh {
         }
         scratch.edges.sort_unstable();
         for run in scratch.edges.chunk_by(|a, b| a.0 == b.0) {
+            if let [(.., a), (.., b)] = *run {
+                self.pair(a, b);
+                continue;
+            }
             let up = |h: &HalfEdge| self.from(*h) < self.to(*h);
             let rising: Vec<HalfEdge> = run.iter().map(|e| e.2).filter(up).collect();
             let falling: Vec<HalfEdge> = run.iter().map(|e| e.2).filter(|h| !up(h)).collect();

@@ -73,6 +73,8 @@ pub struct DeformPass {
     stages: [Stage; 2],
 }
 
+/// Most arenas that a stage binds.
+const MOST_ARENAS: usize = 6;
 /// Arenas at bindings 2 and up; 5 is written.
 const DEFORM_ARENAS: [ArenaKind; 4] = [ArenaKind::Vertices, ArenaKind::Terms, ArenaKind::Vectors, ArenaKind::Deformed];
 const NORMALS_ARENAS: [ArenaKind; 6] =
@@ -185,12 +187,16 @@ impl Stage {
         if self.bind_group.as_ref().is_some_and(|b| b.0 == generation) {
             return;
         }
-        let mut entries = vec![entry(0, table.0), entry(1, &self.work.buffer)];
-        entries.extend(self.storage.iter().enumerate().map(|(k, &kind)| entry(k as u32 + 2, arenas.buffer(kind))));
+        let buffer = |b: usize| match b {
+            0 => table.0,
+            1 => &self.work.buffer,
+            b => arenas.buffer(self.storage[(b - 2).min(self.storage.len() - 1)]),
+        };
+        let entries: [_; 2 + MOST_ARENAS] = std::array::from_fn(|b| entry(b as u32, buffer(b)));
         let bind_group = context.device().create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(self.name),
             layout: &self.layout,
-            entries: &entries,
+            entries: &entries[..2 + self.storage.len()],
         });
         self.bind_group = Some((generation, bind_group));
     }

@@ -84,17 +84,17 @@ impl TissuePass {
             return;
         }
         let textures = materials.texture_view();
-        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: table.0.as_entire_binding() }];
-        entries.extend(
-            ARENAS.iter().enumerate().map(|(k, &kind)| wgpu::BindGroupEntry {
-                binding: k as u32 + 1,
-                resource: arenas.buffer(kind).as_entire_binding(),
-            }),
-        );
-        let shadow_entries: Vec<_> = SHADOW_BINDINGS.iter().map(|&b| entries[b as usize].clone()).collect();
-        entries.push(wgpu::BindGroupEntry { binding: 5, resource: materials.buffer().as_entire_binding() });
-        entries.push(wgpu::BindGroupEntry { binding: 6, resource: wgpu::BindingResource::TextureView(&textures) });
-        entries.push(wgpu::BindGroupEntry { binding: 7, resource: wgpu::BindingResource::Sampler(&self.sampler) });
+        let entries: [_; 8] = std::array::from_fn(|b| {
+            let resource = match b {
+                0 => table.0.as_entire_binding(),
+                1..=4 => arenas.buffer(ARENAS[b - 1]).as_entire_binding(),
+                5 => materials.buffer().as_entire_binding(),
+                6 => wgpu::BindingResource::TextureView(&textures),
+                _ => wgpu::BindingResource::Sampler(&self.sampler),
+            };
+            wgpu::BindGroupEntry { binding: b as u32, resource }
+        });
+        let shadow_entries = SHADOW_BINDINGS.map(|b| entries[b as usize].clone());
         let make = |layout: &wgpu::BindGroupLayout, entries: &[wgpu::BindGroupEntry<'_>]| {
             context.device().create_bind_group(&wgpu::BindGroupDescriptor { label: Some("tissue"), layout, entries })
         };

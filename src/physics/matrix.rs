@@ -93,6 +93,8 @@ pub struct Matrix {
     blocks: Vec<Block>,
     /// Scratch: the blocks without the holes.
     packed: Vec<Block>,
+    /// Scratch: rows that name one of two.
+    namers: Vec<u32>,
     entries: usize,
     /// `(2 pi f)^2`, 1/s^2: also the lower end of the spectrum.
     rate: f64,
@@ -235,11 +237,13 @@ impl Matrix {
 
     /// Two rows trade places; their neighbours' rows name them anew. The matrix must be symmetric.
     pub fn swap_rows(&mut self, a: usize, b: usize) {
-        let mut namers: Vec<u32> = self.neighbours(a).chain(self.neighbours(b)).chain([a as u32, b as u32]).collect();
+        let mut namers = std::mem::take(&mut self.namers);
+        namers.clear();
+        namers.extend(self.neighbours(a).chain(self.neighbours(b)).chain([a as u32, b as u32]));
         namers.sort_unstable();
         namers.dedup();
         self.width = None;
-        for namer in namers {
+        for &namer in &namers {
             let head = self.heads[namer as usize];
             for column in self.blocks[head.start as usize..head.end as usize].iter_mut().flat_map(|block| &mut block.columns) {
                 if *column == a as u32 {
@@ -250,6 +254,7 @@ impl Matrix {
             }
         }
         self.heads.swap(a, b);
+        self.namers = namers;
     }
 
     /// Farthest that any spring reaches from its row, in rows. Found by a pass over all springs after they have changed.

@@ -19,7 +19,7 @@ mod walls;
 use crate::formats::{Material, Model};
 use crate::geometry::room::headroom;
 use crate::geometry::sections::{cluster_faces, join_strays};
-use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, StateHash, Turn, VertexId};
+use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, SectionId, StateHash, Turn, VertexId};
 use crate::particles::{
     Influence, ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
 };
@@ -162,6 +162,8 @@ fn motions<'a>(
 struct TissueScratch {
     /// Faces that a cut may reach.
     faces: Vec<FaceId>,
+    /// Corners of walls, by section.
+    corners: Vec<(SectionId, VertexId)>,
     pose: PoseScratch,
     step: StepScratch,
     update: UpdateScratch,

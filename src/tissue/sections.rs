@@ -79,12 +79,7 @@ impl SectionBounds {
         }
     }
 
-    /// Widens a section by the base vertices that `v` leans on, at rest and as last posed.
-    pub fn widen(&mut self, section: SectionId, rows: &VertexRows, v: VertexId, pose: &Pose) {
-        self.widen_by(section, rows, std::iter::once(v), pose);
-    }
-
-    /// [`SectionBounds::widen`] by many vertices.
+    /// Widens a section by the base vertices that `vertices` lean on, at rest and as last posed.
     pub fn widen_by(&mut self, section: SectionId, rows: &VertexRows, vertices: impl Iterator<Item = VertexId>, pose: &Pose) {
         let s = section.index();
         if s >= self.len() {

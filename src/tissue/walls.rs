@@ -113,11 +113,14 @@ impl Tissue {
 
     /// Widens the sections that list `faces`, so that their corners lie inside.
     pub(super) fn widen_sections(&mut self, faces: impl Iterator<Item = FaceId>) {
-        for f in faces {
-            let section = self.mesh.face_info(f).section;
-            for v in self.mesh.face(f) {
-                self.sections.widen(section, &self.rows, v, &self.pose);
-            }
+        let Self { mesh, rows, pose, sections, scratch, .. } = self;
+        let corners = &mut scratch.corners;
+        corners.clear();
+        corners.extend(faces.flat_map(|f| mesh.face(f).map(|v| (mesh.face_info(f).section, v))));
+        corners.sort_unstable();
+        corners.dedup();
+        for run in corners.chunk_by(|a, b| a.0 == b.0) {
+            sections.widen_by(run[0].0, rows, run.iter().map(|c| c.1), pose);
         }
     }
 
