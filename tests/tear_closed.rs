@@ -597,3 +597,39 @@ fn the_floor_of_a_long_slit_bends_with_the_skin_above_it() {
         assert!((0.6..1.5).contains(&(b / a)), "the floor at {x}: {a} m below the skin, bent {b}");
     }
 }
+
+/// A closed slit along a bar whose top a hand pulls up meanwhile: lips open and fold under the blade. Walls line the slit; none stands in
+/// the air along the blade.
+#[test]
+fn no_wall_stands_in_the_air_where_the_tissue_gives() {
+    let (mut scene, _) = models::scene("beam", 2400);
+    scene.set_wall(WallMode::Closed);
+    let (_, tissue) = scene.tissues().next().unwrap();
+    let (_, high) = tissue.bounds();
+    let top = high.y;
+    scene.edit(EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, 0.06, 0.0), radius: 0.06 });
+    let mut time = 0.0;
+    let mut step = |scene: &mut Scene| {
+        time += 1.0 / 30.0;
+        scene.pose(time, 0.0);
+        scene.step(1.0 / 30.0);
+    };
+    for i in 0..36 {
+        let share = (f64::from(i) / 6.0).min(1.0);
+        scene.edit(EditCommand::GrabMove { id: 1, by: DVec3::Y * 0.1 * share });
+        step(&mut scene);
+    }
+    scene.edit(EditCommand::StrokeBegin { width: 0.006 });
+    for i in 0..19 {
+        let u = f64::from(i) / 18.0;
+        let (tip, base) = (DVec3::new(0.5 * u - 0.25, -0.02, 0.01 * u), DVec3::new(0.5 * u - 0.25, 0.4, 0.01 * u));
+        scene.edit(EditCommand::StrokePose(BladePose { t: u * 0.6, tip, base }));
+        step(&mut scene);
+    }
+    let report = scene.edit(EditCommand::StrokeEnd).pop().unwrap();
+    assert!(report.new_vertices > 100 && all_closed(&scene), "{} new vertices", report.new_vertices);
+    for (_, tissue) in scene.tissues() {
+        let highest = tissue.mesh().live_vertices().map(|v| tissue.rows().rest(v).y).fold(f64::NEG_INFINITY, f64::max);
+        assert!(highest < top + 0.01, "a wall ends {} m above the skin", highest - top);
+    }
+}

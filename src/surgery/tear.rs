@@ -71,13 +71,15 @@ pub struct TearStep {
     pub widened_faces: Vec<FaceId>,
     /// Edges of the hole's rim that belong to no closed loop, and got no wall: the model was open there.
     pub unclosed_edges: usize,
+    /// Corners of the body (bits) that the walls go round though they were seen outside the solid.
+    pub corners_outside: u8,
     /// Sine of the smallest angle of the faces put in; infinite without any.
     pub smallest_sine: f64,
 }
 
 impl TearStep {
     /// Forgets everything but the buffers.
-    fn clear(&mut self) {
+    pub fn clear(&mut self) {
         let Self { new_vertices, lips, on_end, added_faces, touched, walls, widened_faces, .. } = std::mem::take(self);
         let smallest_sine = f64::INFINITY;
         let kept = Self { new_vertices, lips, on_end, added_faces, touched, walls, widened_faces, ..Self::default() };

@@ -127,6 +127,7 @@ impl TearScratch {
         lining.note_taken(mesh);
         lining.walls.build(&mut lining.edges, &lining.taken, body.planes, spec.facets, at);
         out.unclosed_edges = lining.walls.unclosed_edges;
+        out.corners_outside = lining.walls.outside;
         lining.make_vertices(mesh, spec);
         for (i, &vertex) in lining.vertices.iter().enumerate().skip(lining.edges.len()) {
             let (WallPoint::Corner(c), at) = lining.walls.points[i] else { continue };

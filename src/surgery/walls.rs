@@ -126,6 +126,8 @@ pub struct Walls {
     pub triangles: Vec<WallTriangle>,
     /// Result: rim edges that belong to no closed loop, and get no wall.
     pub unclosed_edges: usize,
+    /// Corners of the body (bits) that the walls go round though they were seen outside the solid.
+    pub outside: u8,
     next: Vec<u32>,
     /// Edges of chains with a free end.
     open: Vec<bool>,
@@ -183,6 +185,8 @@ impl Walls {
                 self.find_flags(planes, facets);
             }
         }
+        let seen = facets.seen_inside.unwrap_or(u8::MAX);
+        self.outside = (0..8).filter(|&c| self.flags[c] > 0 && seen >> c & 1 == 0).fold(0, |bits, c| bits | 1 << c);
         for e in 0..self.edges.len() {
             self.join_along(e, facets);
         }

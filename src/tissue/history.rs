@@ -58,6 +58,14 @@ impl Tissue {
         inverse
     }
 
+    /// Takes back what the mesh noted since its last delta.
+    pub(super) fn step_back(&mut self) {
+        self.note_edits();
+        let delta = self.mesh.take_delta();
+        let inverse = self.mesh.apply_delta(delta);
+        self.note_travel(&inverse);
+    }
+
     fn apply(&mut self, delta: TissueDelta) -> TissueDelta {
         let (map, strips) = match &mut self.layer {
             Some(layer) => (layer.map.apply_delta(delta.map), layer.strips.apply_delta(delta.strips)),

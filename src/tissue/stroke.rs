@@ -87,6 +87,9 @@ struct Ended {
     near: Vec<VertexId>,
 }
 
+/// The corners of a box towards the handle, which are above the skin.
+const TOP: u8 = 0b1100_1100;
+
 impl Ended {
     /// Nothing, in the same lists.
     fn emptied(mut self) -> Self {
@@ -333,7 +336,7 @@ impl TearStroke {
         }
         let before = self.ended.iter().position(follows).map(|i| self.ended.remove(i));
         let start = before.as_ref().map(|e| e.at_rest);
-        let before = before.or_else(|| self.spare_ended.pop().map(Ended::emptied)).unwrap_or_default();
+        let mut before = before.or_else(|| self.spare_ended.pop().map(Ended::emptied)).unwrap_or_default();
         if self.moved && !before.tags.is_empty() {
             planes.reach_back(tear_box);
         }
@@ -346,25 +349,24 @@ impl TearStroke {
         let [low, high] = tear_box.bounds();
         let reach = if planes.start == 0 { (high - low).max_element() } else { 1e-9 * tissue.diagonal() };
         let margin = DVec3::splat(reach);
-        let hit = report.stages.time("perform_tear", || {
-            planes.faces_within(tissue, (low - margin, high + margin), &mut self.candidates);
-            if self.wall == WallMode::Closed && self.meets_old_walls(tissue, &planes, &before) {
-                planes.facets.seen_inside = Some(corners_inside(tissue, &planes.facets.corners));
+        let mut hit =
+            report.stages.time("perform_tear", || self.clip(tissue, tear_box, &mut planes, (&before, &tags), material, margin));
+        let mut given_up = false;
+        if hit && self.step.corners_outside & TOP != 0 && planes.start == 0 {
+            // The joint is not where it was: what the box before has left is cut like any other surface. Where lips lie through each
+            // other even that may make no sense, and skin that stays is better than a wall in the air.
+            tissue.step_back();
+            (before, given_up) = (before.emptied(), true);
+            tags.clear();
+            hit = report
+                .stages
+                .time("perform_tear", || self.clip(tissue, tear_box, &mut planes, (&before, &tags), material, margin));
+            if hit && self.step.corners_outside & TOP != 0 {
+                tissue.step_back();
+                self.step.clear();
+                hit = false;
             }
-            let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
-            let (at, seen) = (tear_box.blades[1][1], &self.positions);
-            let walls = (self.wall == WallMode::Closed).then(|| WallSpec {
-                facets: &planes.facets,
-                remove: &before.end_wall,
-                keep: &before.other_walls,
-                material,
-                grain: (GRAIN * tissue.diagonal()).min(tear_box.quads[1][0].distance(tear_box.quads[1][1]) / 16.0),
-                rest_from_posed: rest_from_posed(tissue, nearest_vertex(tissue, &self.candidates, at, &|v| seen.of(tissue, v))),
-            });
-            let (mesh, posed) = tissue.split_borrow();
-            let position = |v| seen.get(v, || posed.position(v));
-            tear_step(mesh, &body, walls.as_ref(), &self.candidates, &position, &tags, &mut self.scratch, &mut self.step)
-        });
+        }
         report.faces_visited = self.step.faces_visited;
         let end = if hit {
             self.bind(tissue, tear_box, start, &mut report)
@@ -375,10 +377,41 @@ impl TearStroke {
         self.keep_end(tissue, tear_box, &planes, end);
         self.spare_ended.push(before);
         (self.planes, self.tags) = (planes, tags);
-        if hit || self.wall == WallMode::Open || !is_buried(tissue, tear_box) {
+        if hit || self.wall == WallMode::Open || !(given_up || is_buried(tissue, tear_box)) {
             self.boxes.push(tear_box.clone());
         }
         self.reports.push(report);
+    }
+
+    /// Clips the box out of the mesh, and lines what that leaves. `before` and `tags` tell what the box before has left at the joint.
+    fn clip(
+        &mut self,
+        tissue: &mut Tissue,
+        tear_box: &TearBox,
+        planes: &mut BoxPlanes,
+        (before, tags): (&Ended, &[OnPlanes]),
+        material: u32,
+        margin: DVec3,
+    ) -> bool {
+        let [low, high] = tear_box.bounds();
+        let is_closed = self.wall == WallMode::Closed;
+        planes.faces_within(tissue, (low - margin, high + margin), &mut self.candidates);
+        if is_closed && (planes.start == 0 || self.meets_old_walls(tissue, planes, before)) {
+            planes.facets.seen_inside = Some(corners_inside(tissue, &planes.facets.corners));
+        }
+        let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
+        let (at, seen) = (tear_box.blades[1][1], &self.positions);
+        let walls = is_closed.then(|| WallSpec {
+            facets: &planes.facets,
+            remove: &before.end_wall,
+            keep: &before.other_walls,
+            material,
+            grain: (GRAIN * tissue.diagonal()).min(tear_box.quads[1][0].distance(tear_box.quads[1][1]) / 16.0),
+            rest_from_posed: rest_from_posed(tissue, nearest_vertex(tissue, &self.candidates, at, &|v| seen.of(tissue, v))),
+        });
+        let (mesh, posed) = tissue.split_borrow();
+        let position = |v| seen.get(v, || posed.position(v));
+        tear_step(mesh, &body, walls.as_ref(), &self.candidates, &position, tags, &mut self.scratch, &mut self.step)
     }
 
     /// True if the box meets walls of others than the box before it: some that no plane of it keeps apart by more than the grain.
