@@ -233,8 +233,7 @@ impl Walls {
         }
     }
 
-    /// Corners that are not where they were seen. Where the body goes over a wall in the plane of one of its facets, rounding makes
-    /// slivers of a rim, and they may seem to go round an end of the body.
+    /// Corners not where they were seen: slivers of a rim in the plane of a facet may seem to go round an end of the body.
     fn contradictions(&self, facets: &Facets) -> usize {
         let differs = |c: usize, seen: u8| (self.flags[c] > 0) != (seen >> c & 1 == 1);
         facets.seen_inside.map_or(0, |seen| (0..8).filter(|&c| differs(c, seen)).count())
@@ -443,8 +442,7 @@ impl Walls {
         self.flags = relative.map(|f| f.map_or(0, |f| (f - low + i32::from(all_inside)) as u16));
     }
 
-    /// With all corners outside: how much of the body's surface the loops cover, as a sum of lengths along edges, or of
-    /// areas. Negative if that cannot be.
+    /// With all corners outside: how much of the body the loops cover, in lengths along edges or areas. Negative: it cannot be.
     fn covered(&self, planes: &[Plane], facets: &Facets) -> f64 {
         if !self.crossings.is_empty() {
             let length = |e: u8| {
