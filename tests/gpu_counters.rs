@@ -7,7 +7,7 @@ mod gpu_support;
 
 use common::models::scene_of;
 use glam::{DQuat, DVec3};
-use gpu_support::context;
+use gpu_support::{context, eyes};
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
 use incise::geometry::Plane;
@@ -28,17 +28,7 @@ struct Target {
 impl Target {
     fn new() -> Self {
         let context = context();
-        let texture = context.device().create_texture(&wgpu::TextureDescriptor {
-            label: None,
-            size: wgpu::Extent3d { width: 32, height: 24, depth_or_array_layers: 2 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba8UnormSrgb,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-            view_formats: &[],
-        });
-        let colour = ColourTarget::of_texture(&texture, texture.format());
+        let colour = eyes(&context);
         Self { mirror: Mirror::new(context), colour, counters: GpuCounters::default() }
     }
 }

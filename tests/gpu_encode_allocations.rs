@@ -8,7 +8,7 @@ mod gpu_support;
 
 use common::models::scene;
 use glam::{DQuat, DVec3};
-use gpu_support::context;
+use gpu_support::{context, eyes};
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
 use incise::gpu::{
@@ -107,17 +107,7 @@ fn allocated(work: impl FnOnce()) -> (u64, BTreeMap<String, u64>) {
 #[test]
 fn a_steady_frame_s_encoding_allocates_nothing_of_ours() {
     let context = context();
-    let texture = context.device().create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d { width: 32, height: 24, depth_or_array_layers: 2 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba8UnormSrgb,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
-    });
-    let colour = ColourTarget::of_texture(&texture, texture.format());
+    let colour = eyes(&context);
     let mut target = Target { mirror: Mirror::new(context), colour, frames: 0, lines: 1 };
     let mask = VisibilityMask { corners: vec![[-2.0, -2.0], [0.0, -2.0], [-2.0, 0.0]], indices: vec![0, 1, 2] };
     target.mirror.renderer_mut().set_visibility_masks(&[mask.clone(), mask]);
