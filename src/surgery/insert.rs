@@ -1,6 +1,6 @@
 //! Inserting vertices: one per crossed edge and plane, with parents for its row and wedges for its corners (MATHS 1.2, 1.5).
 
-use crate::geometry::{FxHashMap, Mesh, VertexId, Wedge, WedgeId};
+use crate::geometry::{FxHashMap, Mesh, SplitVertex, VertexId, Wedge, WedgeId};
 use glam::{DVec3, Vec3};
 
 /// A vertex that an edit inserted: `sum of weight * parent`, weights sum to 1.
@@ -17,9 +17,26 @@ pub struct NewVertex {
 }
 
 impl NewVertex {
+    /// The copy that a fan split made: it lies where its original lies.
+    pub fn copy_of(split: SplitVertex, position: DVec3) -> Self {
+        let none = (VertexId::NONE, 0.0);
+        Self { vertex: split.vertex, parents: [(split.from, 1.0), none, none], parent_count: 1, position }
+    }
+
     /// The parents that are meant.
     pub fn parents(&self) -> &[(VertexId, f64)] {
         &self.parents[..self.parent_count]
+    }
+}
+
+/// Gives the copy that a fan split made the marks of its original. `vertex` is whose a mark is.
+pub fn copy_marks<T: Copy>(marks: &mut Vec<T>, split: SplitVertex, vertex: impl Fn(&mut T) -> &mut VertexId) {
+    for i in 0..marks.len() {
+        let mut mark = marks[i];
+        if *vertex(&mut mark) == split.from {
+            *vertex(&mut mark) = split.vertex;
+            marks.push(mark);
+        }
     }
 }
 

@@ -5,7 +5,7 @@
 //! then those edges are opened and each side gets vertices of its own, except at the slit's ends. Nothing is taken out and
 //! no vertex is moved. Edges that lie in the leaf's plane are opened as they are; ties follow the plane cut's rule.
 
-use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker};
+use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker, copy_marks};
 use super::leaf::{At, Leaf, Seen, along_edge, crossing, inner_weights, sign_at};
 use super::region::{Region, RegionPoint};
 use super::tear::{LipPoint, flatten};
@@ -491,18 +491,9 @@ impl SlitScratch {
     fn note_split(&mut self, split: SplitVertex, out: &mut SlitStep) {
         let old = out.new_vertices.iter().find(|n| n.vertex == split.from).map(|n| n.position);
         let position = old.unwrap_or_else(|| self.positions[self.slot[split.from.index()] as usize]);
-        let parents = [(split.from, 1.0), (VertexId::NONE, 0.0), (VertexId::NONE, 0.0)];
-        out.new_vertices.push(NewVertex { vertex: split.vertex, parents, parent_count: 1, position });
-        for i in 0..out.lips.len() {
-            if out.lips[i].vertex == split.from {
-                out.lips.push(LipPoint { vertex: split.vertex, ..out.lips[i] });
-            }
-        }
-        for i in 0..out.tags.len() {
-            if out.tags[i].vertex == split.from {
-                out.tags.push(OnLines { vertex: split.vertex, ..out.tags[i] });
-            }
-        }
+        out.new_vertices.push(NewVertex::copy_of(split, position));
+        copy_marks(&mut out.lips, split, |lip| &mut lip.vertex);
+        copy_marks(&mut out.tags, split, |tag| &mut tag.vertex);
     }
 
     /// Sides of the vertices along the opened edges; a vertex on both is an end of the slit.

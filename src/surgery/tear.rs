@@ -6,7 +6,7 @@
 
 use super::boxes::Side;
 use super::clip::{Carrier, ClippedFace, MAX_PLANES, PlaneValues, Point, point_sign, point_weights};
-use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker};
+use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker, copy_marks};
 use super::region::{Region, RegionPoint};
 use super::tear_walls::{WallScratch, WallSpec};
 use crate::geometry::room::fit;
@@ -539,18 +539,9 @@ impl TearScratch {
     pub(super) fn note_split(&mut self, split: SplitVertex, out: &mut TearStep) {
         let old = out.new_vertices.iter().find(|n| n.vertex == split.from).map(|n| n.position);
         let position = old.unwrap_or_else(|| self.positions[self.slot[split.from.index()] as usize]);
-        let parents = [(split.from, 1.0), (VertexId::NONE, 0.0), (VertexId::NONE, 0.0)];
-        out.new_vertices.push(NewVertex { vertex: split.vertex, parents, parent_count: 1, position });
-        for i in 0..out.lips.len() {
-            if out.lips[i].vertex == split.from {
-                out.lips.push(LipPoint { vertex: split.vertex, ..out.lips[i] });
-            }
-        }
-        for i in 0..self.zero.len() {
-            if self.zero[i].vertex == split.from {
-                self.zero.push(OnPlanes { vertex: split.vertex, ..self.zero[i] });
-            }
-        }
+        out.new_vertices.push(NewVertex::copy_of(split, position));
+        copy_marks(&mut out.lips, split, |lip| &mut lip.vertex);
+        copy_marks(&mut self.zero, split, |zero| &mut zero.vertex);
     }
 }
 
