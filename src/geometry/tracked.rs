@@ -167,7 +167,11 @@ impl<T: Copy> Tracked<T> {
     pub fn take_delta_into(&mut self, delta: &mut Delta<T>) {
         delta.writes.clear();
         if self.log.len() < MANY_NOTES {
-            // a copy of just the size: the notes keep their room for the next edit
+            // a copy of just the size: the notes keep their room for the next edit, and a delta that is used again gets some to spare
+            let room = delta.writes.capacity();
+            if (1..self.log.len()).contains(&room) {
+                delta.writes.reserve(4 * self.log.len());
+            }
             delta.writes.extend_from_slice(&self.log);
             self.log.clear();
         } else {

@@ -22,7 +22,7 @@ pub struct Belt {
 }
 
 /// Staging memory comes in pieces of this size, or larger where one write is.
-const PIECE: u64 = 256 << 10;
+const PIECE: u64 = 64 << 10;
 /// After an upload larger than this (a new model) the memory for it is given back.
 const KEEP: usize = 16 << 20;
 

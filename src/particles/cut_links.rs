@@ -36,8 +36,11 @@ impl Codes {
 
     /// 0 for a particle that was not looked at.
     fn known(&self, j: ParticleId) -> u16 {
-        let code = self.codes[j.index()];
-        if code == u16::MAX { 0 } else { code }
+        if self.is_looked_at(j) { self.of(j) } else { 0 }
+    }
+
+    fn is_looked_at(&self, j: ParticleId) -> bool {
+        self.of(j) != u16::MAX
     }
 
     /// True if the link between a point with `code` and a particle does not cross the strip.
@@ -67,12 +70,17 @@ impl Update<'_, '_> {
     fn cut_behind_strip(&mut self, k: usize) {
         let Self { mesh, rest, settings, .. } = *self;
         let (map, strips, report) = (&*self.map, &*self.strips, &mut self.report);
-        let UpdateScratch { rows, codes, near, .. } = &mut *self.scratch;
-        let geometry = strips.geometry(k);
+        let UpdateScratch { rows, codes, near, zone, .. } = &mut *self.scratch;
+        let (geometry, reach) = (strips.geometry(k), settings.reach());
         codes.begin(map.len());
+        let (low, high) = *zone;
         for &j in near.iter() {
             let anchor = map.anchors[j.index()];
-            let (at, radius) = (rest[anchor.index()], settings.radius_of(map, j));
+            let at = rest[anchor.index()];
+            if at.distance_squared(at.clamp(low, high)) > reach * reach {
+                continue;
+            }
+            let radius = settings.radius_of(map, j);
             let own = strips.code_of(k, rest, anchor);
             codes.set(j, own);
             let bounds = if own == 0 { Some((at - radius, at + radius)) } else { geometry.shadow(at, radius) };
@@ -128,8 +136,13 @@ impl Update<'_, '_> {
             let row = self.map.neighbours.row(j.index());
             let UpdateScratch { codes, links, lost, .. } = &mut *self.scratch;
             let own = codes.of(j);
-            // a link is in two rows: the first that is looked at says whether it is cut
-            let is_done = |other: ParticleId| other < j && codes.known(other) != 0;
+            // A link is in two rows, and one that crosses has an end that is not behind the strip: the first such end that is looked
+            // at says whether it is cut.
+            let says = |j: ParticleId| codes.is_looked_at(j) && !StripGeometry::is_on_side(codes.of(j), -1);
+            if !says(j) {
+                continue;
+            }
+            let is_done = |other: ParticleId| other < j && says(other);
             if row.iter().all(|link| is_done(link.particle) || codes.part(own, link.particle)) {
                 continue;
             }

@@ -8,6 +8,8 @@ use glam::{DVec3, Vec3A};
 
 /// Vertices a block.
 const BLOCK: usize = 16;
+/// Blocks that are looked at together first.
+const BLOCKS: usize = 8;
 /// Bounds of nothing.
 const UNBOUNDED: [Vec3A; 2] = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
 
@@ -19,6 +21,8 @@ pub(super) struct Holders {
     vertices: Lists<VertexId>,
     /// Bounds of each block of vertices at rest, rounded outwards.
     bounds: Lists<[Vec3A; 2]>,
+    /// Bounds of each [`BLOCKS`] blocks.
+    outer: Lists<[Vec3A; 2]>,
 }
 
 impl Holders {
@@ -36,9 +40,11 @@ impl Holders {
             let room: usize = count + count / 4 + BLOCK;
             holders.vertices.widen(j, room, VertexId::NONE);
             holders.bounds.widen(j, room.div_ceil(BLOCK), UNBOUNDED);
+            holders.outer.widen(j, room.div_ceil(BLOCKS * BLOCK), UNBOUNDED);
         }
         holders.vertices.reserve(headroom(holders.vertices.room()));
         holders.bounds.reserve(headroom(holders.bounds.room()));
+        holders.outer.reserve(headroom(holders.outer.room()));
         for (_, v) in order {
             for influence in map.influences.row(v as usize) {
                 holders.push(influence.particle, VertexId(v), rest[v as usize]);
@@ -49,13 +55,16 @@ impl Holders {
 
     /// Notes that `j` holds `v`, which is at `at`.
     pub(super) fn push(&mut self, j: ParticleId, v: VertexId, at: DVec3) {
-        if self.vertices.get(j.index()).len().is_multiple_of(BLOCK) {
-            self.bounds.push(j.index(), UNBOUNDED);
+        let (j, held) = (j.index(), self.vertices.get(j.index()).len());
+        for (bounds, of) in [(&mut self.bounds, BLOCK), (&mut self.outer, BLOCKS * BLOCK)] {
+            if held.is_multiple_of(of) {
+                bounds.push(j, UNBOUNDED);
+            }
+            if let Some([low, high]) = bounds.get_mut(j).last_mut() {
+                (*low, *high) = (low.min(below(at)), high.max(above(at)));
+            }
         }
-        self.vertices.push(j.index(), v);
-        if let Some([low, high]) = self.bounds.get_mut(j.index()).last_mut() {
-            (*low, *high) = (low.min(below(at)), high.max(above(at)));
-        }
+        self.vertices.push(j, v);
     }
 
     /// True if `j` is known to hold `v`, at `at`.
@@ -81,10 +90,12 @@ impl Holders {
         mut found: impl FnMut(VertexId),
     ) {
         let (low, high) = (below(low), above(high));
-        for (block, &[from, to]) in self.vertices.get(j.index()).chunks(BLOCK).zip(self.bounds.get(j.index())) {
-            if (from.cmple(high) & to.cmpge(low)).all() && is_seen(from, to) {
-                block.iter().for_each(|&v| found(v));
-            }
+        let meets = |&[from, to]: &[Vec3A; 2]| (from.cmple(high) & to.cmpge(low)).all() && is_seen(from, to);
+        let (vertices, bounds) = (self.vertices.get(j.index()), self.bounds.get(j.index()));
+        let outer = vertices.chunks(BLOCKS * BLOCK).zip(bounds.chunks(BLOCKS)).zip(self.outer.get(j.index()));
+        for ((vertices, bounds), _) in outer.filter(|(_, bounds)| meets(bounds)) {
+            let blocks = vertices.chunks(BLOCK).zip(bounds).filter(|(_, bounds)| meets(bounds));
+            blocks.flat_map(|(block, _)| block).for_each(|&v| found(v));
         }
     }
 }
@@ -109,8 +120,20 @@ impl VertexSet {
         }
     }
 
+    pub(super) fn contains(&self, v: VertexId) -> bool {
+        self.bits.get(v.index() / 64).is_some_and(|word| word >> (v.index() % 64) & 1 == 1)
+    }
+
     pub(super) fn iter(&self) -> std::slice::Iter<'_, VertexId> {
         self.listed.iter()
+    }
+}
+
+impl FromIterator<VertexId> for VertexSet {
+    fn from_iter<I: IntoIterator<Item = VertexId>>(vertices: I) -> Self {
+        let mut set = Self::default();
+        set.extend(vertices);
+        set
     }
 }
 

@@ -4,7 +4,7 @@ use super::holders::{above, below};
 use super::lists::Lists;
 use super::particle_map::ParticleMap;
 use super::settings::ParticleSettings;
-use super::strip_test::{Sight, StripGeometry};
+use super::strip_test::{KnownSide, LipView, Sight, StripGeometry};
 use super::strips::Strips;
 use crate::geometry::room::{fit, headroom};
 use crate::geometry::{ParticleId, VertexId};
@@ -25,6 +25,7 @@ pub(super) struct LinkTests {
     lists: StripLists,
     found: Vec<u32>,
     lip: Lip,
+    views: [LipViews; 2],
 }
 
 /// The vertex whose link was tested last, which is mostly the next one's too.
@@ -61,8 +62,6 @@ struct NearStrips {
     anchor: VertexId,
     /// Strips looked at: all before this one.
     seen: usize,
-    /// Strips that the anchor may know its side of and that are not listed.
-    unlisted: Vec<u32>,
     /// Number of the anchor's lip sides when the outcodes were worked out.
     lips: usize,
     /// Place in its list of the strip that parted the last link: it often parts the next one too.
@@ -76,6 +75,8 @@ struct StripLists {
     strips: Lists<(u32, u16)>,
     /// How the anchor sees them, [`BATCH`] after [`BATCH`].
     sights: Lists<Sights>,
+    /// Strips that the anchor may know its side of and that are not among them.
+    unlisted: Lists<u32>,
 }
 
 /// The strips of one particle.
@@ -83,6 +84,7 @@ struct StripLists {
 struct Listed<'a> {
     strips: &'a [(u32, u16)],
     sights: &'a [Sights],
+    unlisted: &'a [u32],
 }
 
 /// [`Sight`] of [`BATCH`] strips, one a lane, with their bounds.
@@ -117,33 +119,89 @@ impl Sights {
     }
 }
 
-impl NearStrips {
-    /// True if no strip lies between the anchor and `v`. `around` are the strips that `v` may know its side of.
-    fn connects(
-        &mut self,
-        listed: Listed<'_>,
-        strips: &Strips,
-        rest: &[DVec3],
-        radius: f64,
-        v: VertexId,
-        around: &[(u32, u16)],
-    ) -> bool {
-        let (a, p) = (rest[self.anchor.index()], rest[v.index()]);
-        // where geometry says of both ends what is known of them, it settles most
-        let is_plain = |code: u16, own: u16| code != 0 && own != 0 && self.lips == 0;
-        let is_crossed = |k: u32, code: u16, own: u16| match StripGeometry::planes_part(code, own) {
-            true => false,
-            false if is_plain(code, own) => strips.geometry(k as usize).crosses(a, p),
-            false => strips.crosses(k as usize, rest, self.anchor, v),
-        };
-        let crosses = |&(k, code): &(u32, u16)| match around.iter().find(|a| a.0 == k) {
-            Some(&(_, own)) => is_crossed(k, code, own),
-            None if code == 0 => strips.crosses(k as usize, rest, self.anchor, v),
-            None => strips.geometry(k as usize).crosses(a, p),
-        };
-        if listed.strips.get(self.parting).is_some_and(&crosses) {
+/// How a vertex that was looked at last lies to the strips that it knows its side of: its next link asks again.
+#[derive(Clone, Debug, Default)]
+struct LipViews {
+    vertex: VertexId,
+    /// Number of strips and of its lip sides when they were worked out.
+    seen: [usize; 2],
+    views: Vec<(usize, LipView)>,
+}
+
+impl LipViews {
+    fn look(&mut self, strips: &Strips, v: VertexId) {
+        let now = (v, [strips.len(), strips.lip_sides(v).len()]);
+        if (self.vertex, self.seen) != now {
+            (self.vertex, self.seen) = now;
+            self.views.clear();
+        }
+    }
+
+    fn of(&mut self, strip: &StripGeometry, rest: &[DVec3], k: usize, known: KnownSide) -> &LipView {
+        let at = self.views.iter().position(|view| view.0 == k).unwrap_or_else(|| {
+            self.views.push((k, strip.view_of_lip(rest[self.vertex.index()], known)));
+            self.views.len() - 1
+        });
+        &self.views[at].1
+    }
+}
+
+/// A link that is being tested.
+struct LinkUnderTest<'a> {
+    strips: &'a Strips,
+    rest: &'a [DVec3],
+    anchor: VertexId,
+    v: VertexId,
+    /// Whether the anchor knows its side of any strip.
+    is_lip: bool,
+    /// Of the anchor and of `v`.
+    views: &'a mut [LipViews; 2],
+}
+
+impl LinkUnderTest<'_> {
+    fn ends(&self) -> [DVec3; 2] {
+        [self.anchor, self.v].map(|end| self.rest[end.index()])
+    }
+
+    /// [`Strips::crosses`].
+    fn crosses(&mut self, k: u32) -> bool {
+        let (k, [a, p]) = (k as usize, self.ends());
+        let strip = self.strips.geometry(k);
+        match [self.anchor, self.v].map(|end| self.strips.known_side(k, end)) {
+            [None, None] => strip.crosses(a, p),
+            [Some(x), Some(y)] => x.side != y.side,
+            [Some(known), None] => strip.lip_crosses(self.views[0].of(strip, self.rest, k, known), p),
+            [None, Some(known)] => strip.lip_crosses(self.views[1].of(strip, self.rest, k, known), a),
+        }
+    }
+
+    /// The same with the outcodes of both ends. Where geometry says of both what is known of them, it settles most.
+    fn crosses_coded(&mut self, k: u32, codes: [u16; 2]) -> bool {
+        if StripGeometry::planes_part(codes[0], codes[1]) {
             return false;
         }
+        let [a, p] = self.ends();
+        if !self.is_lip && !codes.contains(&0) { self.strips.geometry(k as usize).crosses(a, p) } else { self.crosses(k) }
+    }
+
+    /// The same with the anchor's outcode, and that of `v` where `around` has it.
+    fn crosses_listed(&mut self, (k, code): (u32, u16), around: &[(u32, u16)]) -> bool {
+        let [a, p] = self.ends();
+        match around.iter().find(|a| a.0 == k) {
+            Some(&(_, own)) => self.crosses_coded(k, [code, own]),
+            None if code == 0 => self.crosses(k),
+            None => self.strips.geometry(k as usize).crosses(a, p),
+        }
+    }
+}
+
+impl NearStrips {
+    /// True if no strip lies between the anchor and `v`. `around` are the strips that `v` may know its side of.
+    fn connects(&mut self, link: &mut LinkUnderTest<'_>, listed: Listed<'_>, radius: f64, around: &[(u32, u16)]) -> bool {
+        if listed.strips.get(self.parting).is_some_and(|&s| link.crosses_listed(s, around)) {
+            return false;
+        }
+        let [a, p] = link.ends();
         let (d, slack) = ((p - a).as_vec3a(), Vec4::splat(Sight::slack(radius)));
         let bounds = (below(a.min(p)), above(a.max(p)));
         for (batch, sights) in listed.sights.iter().enumerate().rev() {
@@ -151,27 +209,28 @@ impl NearStrips {
             while met != 0 {
                 let i = BATCH * batch + met.trailing_zeros() as usize;
                 met &= met - 1;
-                if listed.strips.get(i).is_some_and(&crosses) {
+                if listed.strips.get(i).is_some_and(|&s| link.crosses_listed(s, around)) {
                     self.parting = i;
                     return false;
                 }
             }
         }
         // a known side may stand against geometry, so those strips are tested wherever they are
-        let code = |k: u32| listed.strips.binary_search_by_key(&k, |s| s.0).map_or(0, |i| listed.strips[i].1);
-        !around.iter().any(|&(k, own)| is_crossed(k, code(k), own))
-            && !self.unlisted.iter().any(|&k| strips.crosses(k as usize, rest, self.anchor, v))
+        let code = |k: u32| listed.strips.iter().rev().find(|s| s.0 <= k).filter(|s| s.0 == k).map_or(0, |s| s.1);
+        !around.iter().any(|&(k, own)| link.crosses_coded(k, [code(k), own])) && !listed.unlisted.iter().any(|&k| link.crosses(k))
     }
 }
 
 impl StripLists {
     fn of(&self, j: ParticleId) -> Listed<'_> {
-        Listed { strips: self.strips.get(j.index()), sights: self.sights.get(j.index()) }
+        let j = j.index();
+        Listed { strips: self.strips.get(j), sights: self.sights.get(j), unlisted: self.unlisted.get(j) }
     }
 
     fn empty(&mut self, j: ParticleId) {
         self.strips.empty(j.index());
         self.sights.empty(j.index());
+        self.unlisted.empty(j.index());
     }
 
     /// Adds a strip to those of a particle.
@@ -207,7 +266,9 @@ impl LinkTests {
         self.particles.clear();
         self.lists.strips.clear();
         self.lists.sights.clear();
+        self.lists.unlisted.clear();
         self.lip = Lip::default();
+        self.views = Default::default();
     }
 
     /// True if no strip lies between the anchor of `j` and the vertex `v`, which is within the particle's radius.
@@ -223,7 +284,12 @@ impl LinkTests {
         self.lip.look(strips, rest, v);
         let around = std::mem::take(&mut self.lip.around);
         self.bring_up(strips, rest, map, radius, j);
-        let connects = self.particles[j.index()].connects(self.lists.of(j), strips, rest, radius, v, &around);
+        let anchor = map.anchors[j.index()];
+        let ends = [anchor, v];
+        self.views.iter_mut().zip(ends).for_each(|(views, end)| views.look(strips, end));
+        let is_lip = !strips.lip_sides(anchor).is_empty();
+        let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip, views: &mut self.views };
+        let connects = self.particles[j.index()].connects(&mut link, self.lists.of(j), radius, &around);
         self.lip.around = around;
         connects
     }
@@ -274,10 +340,12 @@ impl LinkTests {
             near.seen = strips.len();
         }
         if is_stale {
-            let around = lips.iter().flat_map(|lip| lip.strip.saturating_sub(1)..(strips.len() as u32).min(lip.strip + 2));
-            let is_listed = |k: &u32| lists.of(j).strips.binary_search_by_key(k, |s| s.0).is_ok();
-            near.unlisted.clear();
-            near.unlisted.extend(around.filter(|k| !is_listed(k)));
+            lists.unlisted.empty(j.index());
+            for k in lips.iter().flat_map(|lip| lip.strip.saturating_sub(1)..(strips.len() as u32).min(lip.strip + 2)) {
+                if lists.strips.get(j.index()).binary_search_by_key(&k, |s| s.0).is_err() {
+                    lists.unlisted.push(j.index(), k);
+                }
+            }
         }
     }
 }

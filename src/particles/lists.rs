@@ -17,8 +17,8 @@ struct Run {
     room: u32,
 }
 
-/// Room of a list's first entries.
-const LEAST_ROOM: u32 = 8;
+/// Bytes of a list's first entries, one of them at least.
+const LEAST_BYTES: usize = 256;
 
 impl<T> Default for Lists<T> {
     fn default() -> Self {
@@ -58,7 +58,7 @@ impl<T: Copy> Lists<T> {
     pub(super) fn push(&mut self, list: usize, entry: T) {
         let run = self.runs.get(list).copied().unwrap_or_default();
         if run.len == run.room {
-            self.widen(list, (2 * run.room).max(LEAST_ROOM) as usize, entry);
+            self.widen(list, (2 * run.room as usize).max(LEAST_BYTES / size_of::<T>()).max(1), entry);
         }
         let run = &mut self.runs[list];
         self.entries[run.start + run.len as usize] = entry;

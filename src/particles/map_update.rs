@@ -9,6 +9,7 @@ use super::cut_links::Codes;
 use super::flood::Flood;
 use super::link_tests::LinkTests;
 use super::particle_map::{Influence, Link, ParticleMap};
+use super::reaches::Reaches;
 use super::settings::ParticleSettings;
 use super::strips::{LipSide, Strips};
 use super::work_rows::WorkRows;
@@ -85,9 +86,12 @@ impl MapUpdateReport {
     /// Nothing, in the same lists.
     fn emptied(self) -> Self {
         let Self { mut vertices_changed, mut particles_changed, mut relinked, mut particles_added, .. } = self;
+        let Self { mut retired, mut reanchored, .. } = self;
         vertices_changed.clear();
-        [&mut particles_changed, &mut relinked, &mut particles_added].into_iter().for_each(|list| list.clear());
-        Self { vertices_changed, particles_changed, relinked, particles_added, ..Self::default() }
+        let lists = [&mut particles_changed, &mut relinked, &mut particles_added, &mut retired, &mut reanchored];
+        lists.into_iter().for_each(Vec::clear);
+        let counts = Self::default();
+        Self { vertices_changed, particles_changed, relinked, particles_added, retired, reanchored, ..counts }
     }
 }
 
@@ -96,6 +100,8 @@ impl MapUpdateReport {
 pub struct UpdateScratch {
     pub(super) flood: Flood,
     pub(super) rows: WorkRows,
+    /// Bounds of the wound: a link that crosses a new strip has both ends within its length of them.
+    pub(super) zone: (DVec3, DVec3),
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
     /// A bit a particle, to put `near` in order.
@@ -103,9 +109,11 @@ pub struct UpdateScratch {
     /// The tissue's, for the time of an update.
     pub(super) tests: LinkTests,
     pub(super) codes: Codes,
+    reaches: Reaches,
     pub(super) work: Vec<VertexId>,
     weighted: Vec<(f64, ParticleId)>,
     pub(super) links: Vec<Link>,
+    row_of_links: Vec<Link>,
     /// The last visit of [`Update::regain`] that looked at each particle, and the number of visits.
     tried: Vec<u32>,
     visits: u32,
@@ -225,6 +233,7 @@ impl Update<'_, '_> {
         self.strips.prepare(rest, map, self.settings);
         let places = &self.strips.places;
         let s = &mut *self.scratch;
+        s.zone = (low, high);
         s.near.clear();
         s.is_near.clear();
         s.is_near.resize(map.len().div_ceil(64), 0u64);
@@ -235,9 +244,12 @@ impl Update<'_, '_> {
                 s.is_near[j as usize / 64] |= 1 << (j % 64);
             }
         });
+        s.reaches.begin(map.len());
         for (word, bits) in s.is_near.iter_mut().enumerate() {
             while *bits != 0 {
-                s.near.push(ParticleId::new(64 * word + bits.trailing_zeros() as usize));
+                let j = ParticleId::new(64 * word + bits.trailing_zeros() as usize);
+                s.near.push(j);
+                s.reaches.note(self.settings, map, rest, j);
                 *bits &= *bits - 1;
             }
         }
@@ -291,7 +303,7 @@ impl Update<'_, '_> {
 
     /// Weight of `j` at `v` before normalisation; 0 out of reach or retired.
     pub(super) fn weight(&self, v: VertexId, j: ParticleId) -> f64 {
-        self.settings.weight(self.map, self.rest, v, j)
+        self.scratch.reaches.weight(self.settings, self.map, self.rest, v, j)
     }
 
     /// True if no strip lies between the anchor of `j` and `v`.
@@ -330,6 +342,7 @@ impl Update<'_, '_> {
             }
             self.unlink(j);
             self.map.anchors.set(j.index(), best.1);
+            self.scratch.reaches.forget(j);
             if best.1.is_some() {
                 self.strips.places.anchors.insert(j.0, self.rest[best.1.index()]);
                 self.scratch.unlinked.push(j);
@@ -428,6 +441,7 @@ impl Update<'_, '_> {
         self.map.neighbours.push_row(&[]);
         self.strips.places.anchors.insert(j.0, self.rest[anchor.index()]);
         self.scratch.near.push(j);
+        self.scratch.reaches.note(self.settings, self.map, self.rest, j);
         self.scratch.unlinked.push(j);
         self.report.particles_added.push(j);
         self.report.particles_changed.push(j);
@@ -453,20 +467,30 @@ impl Update<'_, '_> {
     pub(super) fn find_neighbours(&mut self, j: ParticleId, anchor: VertexId) {
         let delta = self.settings.neighbours;
         let mean = self.map.mean_link_length(self.rest).unwrap_or(0.6 * delta);
+        let mut row = std::mem::take(&mut self.scratch.row_of_links);
+        row.clear();
+        row.extend_from_slice(self.map.neighbours.row(j.index()));
+        let known = row.len();
         let mut i = 0;
         while let Some(k) = self.scratch.rows.particle(anchor, i, self.map) {
             i += 1;
             let other = self.map.anchors[k.index()];
-            if k == j || other.is_none() || self.map.neighbours.row(j.index()).iter().any(|l| l.particle == k) {
+            if k == j || other.is_none() || row.iter().any(|l| l.particle == k) {
                 continue;
             }
             let distance = self.rest[other.index()].distance(self.rest[anchor.index()]);
             if distance < delta && self.strips.connects_vertices(self.rest, anchor, other) {
                 let weight = link_weight(distance, mean);
-                self.insert_link(j, Link { particle: k, weight });
+                row.push(Link { particle: k, weight });
                 self.insert_link(k, Link { particle: j, weight });
             }
         }
+        if row.len() > known {
+            row.sort_unstable_by_key(|l| l.particle);
+            self.map.neighbours.set_row(j.index(), &row);
+            self.report.relinked.push(j);
+        }
+        self.scratch.row_of_links = row;
     }
 
     fn insert_link(&mut self, of: ParticleId, link: Link) {

@@ -17,6 +17,7 @@ pub mod point_grid;
 pub mod poisson;
 pub mod quality;
 pub mod random;
+mod reaches;
 pub mod settings;
 pub mod strip_test;
 pub mod strips;

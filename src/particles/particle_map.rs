@@ -3,6 +3,9 @@
 use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 
+/// Room for the rows of neighbours that edits write anew: each wound particle lengthens the rows of a dozen others.
+const RELINKED_ROOM: usize = 1 << 16;
+
 /// A particle's hold on a vertex. Weights of a vertex sum to 1 where any particle reaches it.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -103,6 +106,7 @@ impl ParticleMap {
         self.rest_displacement.make_room();
         self.influences.make_room();
         self.neighbours.make_room();
+        self.neighbours.reserve(0, RELINKED_ROOM);
     }
 
     /// Feeds the map into `hash`.

@@ -36,6 +36,22 @@ pub struct ParticleSettings {
     pub wound: WoundSettings,
 }
 
+/// What an anchored particle's weights come from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reach {
+    /// Its anchor at rest.
+    pub(super) at: DVec3,
+    /// Radius of influence, metres.
+    pub(super) radius: f64,
+    /// Weight over that of an ordinary particle.
+    pub(super) strength: f64,
+}
+
+impl Reach {
+    /// Nowhere.
+    pub(super) const NONE: Self = Self { at: DVec3::NAN, radius: 0.0, strength: 0.0 };
+}
+
 /// Settings of wound particles (MATHS 3.3).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WoundSettings {
@@ -156,19 +172,27 @@ impl ParticleSettings {
 
     /// Weight of a particle at a vertex before normalisation; 0 if it is retired or out of reach.
     pub fn weight(&self, map: &ParticleMap, rest: &[DVec3], v: VertexId, particle: ParticleId) -> f64 {
-        let anchor = map.anchors[particle.index()];
-        if anchor.is_none() {
+        if map.anchors[particle.index()].is_none() {
             return 0.0;
         }
-        let squared = rest[anchor.index()].distance_squared(rest[v.index()]);
+        self.weight_within(&self.reach_of(map, rest, particle), rest[v.index()])
+    }
+
+    /// Where an anchored particle is and how far it reaches.
+    pub(super) fn reach_of(&self, map: &ParticleMap, rest: &[DVec3], particle: ParticleId) -> Reach {
+        let strength = if map.is_wound(particle) { self.wound.strength } else { 1.0 };
+        let at = rest[map.anchors[particle.index()].index()];
+        Reach { at, radius: self.radius_of(map, particle), strength }
+    }
+
+    /// Weight of a particle at a rest position before normalisation; 0 if it is out of reach.
+    #[inline]
+    pub(super) fn weight_within(&self, reach: &Reach, p: DVec3) -> f64 {
+        let squared = reach.at.distance_squared(p);
         if squared > FAR * self.radius * self.radius {
             return 0.0;
         }
-        let (radius, strength) = match map.is_wound(particle) {
-            true => (self.wound.radius.min(self.radius), self.wound.strength),
-            false => (self.radius, 1.0),
-        };
-        strength * sigmoid_weight(squared.sqrt(), radius)
+        reach.strength * sigmoid_weight(squared.sqrt(), reach.radius)
     }
 }
 

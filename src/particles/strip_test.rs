@@ -83,6 +83,26 @@ pub struct KnownSide {
     pub own: bool,
 }
 
+/// How a vertex that knows its side of a strip lies to it: what a test of any of its links needs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LipView {
+    at: DVec3,
+    known: KnownSide,
+    /// How each triangle is tested.
+    by: [LipTest; 2],
+}
+
+/// How a link of a lip is tested against one triangle.
+#[derive(Clone, Copy, Debug)]
+enum LipTest {
+    /// As any link: the lip lies on its known side, or too far from the plane to be taken for it.
+    Geometry,
+    /// Only the other end's side counts.
+    OtherSide,
+    /// From the lip's mirror image, which is on the known side.
+    Mirrored(DVec3),
+}
+
 impl StripGeometry {
     /// From the corners `(tip0, tip1, base1, base0)` and the extension `d`.
     pub fn new([tip0, tip1, base1, base0]: [DVec3; 4], d: f64) -> Self {
@@ -223,42 +243,44 @@ impl StripGeometry {
         match (a.side, b.side) {
             (None, None) => self.crosses(a.at, b.at),
             (Some(x), Some(y)) => x.side != y.side,
-            (Some(known), None) => self.lip_crosses(a.at, known, b.at),
-            (None, Some(known)) => self.lip_crosses(b.at, known, a.at),
+            (Some(known), None) => self.lip_crosses(&self.view_of_lip(a.at, known), b.at),
+            (None, Some(known)) => self.lip_crosses(&self.view_of_lip(b.at, known), a.at),
         }
     }
 
     /// A lip vertex may lie in the strip, or beyond it by rounding or because the slit was cut in a bent pose: there its
     /// known side stands in for geometry.
-    fn lip_crosses(&self, lip: DVec3, known: KnownSide, x: DVec3) -> bool {
+    pub(super) fn view_of_lip(&self, at: DVec3, known: KnownSide) -> LipView {
+        // where the lip lies on its known side, geometry needs no help
+        let plain = [0, 1].map(|t| self.side(t, at) == known.side && self.height(t, at) != 0.0);
+        if plain == [true; 2] {
+            return LipView { at, known, by: [LipTest::Geometry; 2] };
+        }
+        let squared = self.triangles.map(|t| distance_squared_to_triangle(at, t));
+        let nearest = usize::from(squared[1] < squared[0]);
+        let (own_height, extent) = (self.height(nearest, at).abs(), (self.high - self.low).length());
+        let by = [0, 1].map(|t| match self.height(t, at) {
+            _ if plain[t] => LipTest::Geometry,
+            _ if known.own && t == nearest => LipTest::OtherSide,
+            height if height.abs() > 4.0 * own_height + 1e-9 * extent => LipTest::Geometry,
+            height => LipTest::Mirrored(at - self.units[t] * (2.0 * height)),
+        });
+        LipView { at, known, by }
+    }
+
+    /// True if the link between a lip and a point that knows no side crosses.
+    pub(super) fn lip_crosses(&self, lip: &LipView, x: DVec3) -> bool {
         // A link well beside the strip's bounds is none of its business, whatever side the lip has of the strip before: the
         // updates look at links that reach into the bounds, and no further.
-        if !known.own && self.is_beside(lip, x, self.margin) {
+        if !lip.known.own && self.is_beside(lip.at, x, self.margin) {
             return false;
         }
-        // where the lip lies on its known side, geometry needs no help
-        let plain = [0, 1].map(|t| self.side(t, lip) == known.side && self.height(t, lip) != 0.0);
-        if plain == [true; 2] {
-            return (0..2).any(|t| self.triangle_crosses(t, lip, x));
-        }
-        let squared = self.triangles.map(|t| distance_squared_to_triangle(lip, t));
-        let nearest = usize::from(squared[1] < squared[0]);
-        let own_height = self.height(nearest, lip).abs();
-        (0..2).any(|t| {
-            if plain[t] {
-                return self.triangle_crosses(t, lip, x);
-            }
-            if known.own && t == nearest {
-                return self.side(t, x) != known.side;
-            }
-            let extent = (self.high - self.low).length();
-            if self.height(t, lip).abs() > 4.0 * own_height + 1e-9 * extent {
-                return self.triangle_crosses(t, lip, x);
-            }
-            // The lip's mirror image is on the known side, and the segment from there ends at x: the line through the lip
-            // itself goes on for ever, and met strips far from either end.
-            let mirrored = lip - self.units[t] * (2.0 * self.height(t, lip));
-            self.side(t, x) != known.side && line_meets(self.triangles[t], mirrored, x)
+        (0..2).any(|t| match lip.by[t] {
+            LipTest::Geometry => self.triangle_crosses(t, lip.at, x),
+            LipTest::OtherSide => self.side(t, x) != lip.known.side,
+            // The segment from the mirror image ends at x: the line through the lip itself goes on for ever, and met strips far
+            // from either end.
+            LipTest::Mirrored(mirrored) => self.side(t, x) != lip.known.side && line_meets(self.triangles[t], mirrored, x),
         })
     }
 

@@ -3,6 +3,7 @@
 //! A plane cut leaves none: it parts every edge it meets, so what it separates is no longer connected, and the sheet rule
 //! links nothing that is not connected.
 
+use super::holders::VertexSet;
 use super::particle_map::{Influence, ParticleMap};
 use super::places::Places;
 use super::settings::ParticleSettings;
@@ -73,6 +74,8 @@ pub struct Strips {
     pub(super) strips: Tracked<Strip>,
     /// Row a vertex (rows: as many as the last edit needed).
     pub(super) lips: SlotCsr<LipSide>,
+    /// Vertices that are or once were lips: most are none, and a bit says so where a row is far away. Not hashed.
+    known_lips: VertexSet,
     pub(super) wounds: Tracked<WoundMark>,
     /// Derived from `strips`, one for one; not hashed.
     geometry: Vec<StripGeometry>,
@@ -172,7 +175,7 @@ impl Strips {
 
     /// The sides that a vertex is known to be on; empty for all but lip vertices.
     pub fn lip_sides(&self, v: VertexId) -> &[LipSide] {
-        if v.index() < self.lips.rows() { self.lips.row(v.index()) } else { &[] }
+        if self.known_lips.contains(v) && v.index() < self.lips.rows() { self.lips.row(v.index()) } else { &[] }
     }
 
     /// Marks a vertex as a lip of `strip` on `side`. A mark for the same strip is replaced.
@@ -188,6 +191,7 @@ impl Strips {
         row.push(new);
         row.sort_unstable_by_key(|l| l.strip);
         self.lips.set_row(v.index(), row);
+        self.known_lips.insert(v);
         self.places.note_lip(v, strip);
     }
 
@@ -238,7 +242,7 @@ impl Strips {
     }
 
     /// Side of strip `k` that `v` is known to be on, from the strip itself or from a neighbour in its slit.
-    fn known_side(&self, k: usize, v: VertexId) -> Option<KnownSide> {
+    pub(super) fn known_side(&self, k: usize, v: VertexId) -> Option<KnownSide> {
         let sides = self.lip_sides(v);
         if sides.is_empty() {
             return None;
@@ -307,6 +311,7 @@ impl Strips {
         let lips = if known > 0 { self.lips.gather(vertices.iter().map(row), |lip| *lip) } else { SlotCsr::default() };
         Self {
             strips: self.strips.to_vec().into(),
+            known_lips: (0..lips.rows()).filter(|&v| !lips.row(v).is_empty()).map(VertexId::new).collect(),
             lips,
             geometry: self.geometry.clone(),
             along: self.along.clone(),
