@@ -1,105 +1,93 @@
 //! Edge-connected floods: the sheet rule of MATHS 3.1 as a primitive.
 //!
 //! Two points that are near in space may lie on different sheets (the two sides of a thin organ, the walls of a fold).
-//! Whatever the soft layer links must therefore be joined by an edge path that stays near. A flood enters every face
-//! with a reached corner once (two faces a vertex, where walking all fans would take six steps a vertex).
+//! Whatever the soft layer links must therefore be joined by an edge path that stays near. A flood walks round the fan of
+//! every reached vertex once.
 
 use crate::geometry::room::fit;
 use crate::geometry::{HalfEdge, Mesh, VertexId};
 use glam::DVec3;
 
-/// Faces that a flood looks at together.
-const AHEAD: usize = 16;
+/// Fans that a flood walks round before it looks at what they led to: memory answers many questions as fast as one.
+const AHEAD: usize = 8;
 
-/// Enters every face next to a reached vertex once. Kept between floods: a stamp replaces clearing.
+/// A vertex, and a half-edge that leaves it in the face that it was found in.
+type Found = (VertexId, HalfEdge);
+
+/// The queue of a flood, kept between floods.
 #[derive(Clone, Debug, Default)]
-pub(super) struct FaceQueue {
-    stamps: Vec<u32>,
-    round: u32,
-    /// Half-edges that faces were entered across, times 4, plus which ends are reached; longer than its content.
-    entered: Vec<u64>,
-    queued: usize,
+pub(super) struct FanQueue {
+    found: Vec<Found>,
 }
 
-impl FaceQueue {
-    /// Forgets the last flood.
-    fn begin(&mut self, mesh: &Mesh) {
-        if self.round == u32::MAX {
-            self.stamps.fill(0);
-            self.round = 0;
-        }
-        self.round += 1;
-        fit(&mut self.stamps, mesh.face_slots() + 1, 0);
-        if let Some(sentinel) = self.stamps.last_mut() {
-            *sentinel = self.round;
-        }
-        self.queued = 0;
-    }
-
-    /// Floods from live vertices that `is_reached` holds for. It is asked about vertices next to reached ones, again and
-    /// again, and must not change its mind.
+impl FanQueue {
+    /// Floods from live vertices. `is_new` is asked about vertices next to reached ones, again and again: it holds the
+    /// first time, if at all. `is_reached` is then asked once whether the flood goes on from there.
     pub(super) fn spread(
         &mut self,
         mesh: &Mesh,
         starts: impl IntoIterator<Item = VertexId>,
+        mut is_new: impl FnMut(VertexId) -> bool,
         mut is_reached: impl FnMut(VertexId) -> bool,
     ) {
-        self.begin(mesh);
+        let corners = mesh.faces().as_flattened();
+        let leaving = |h: HalfEdge| (corners[h.0 as usize], h);
+        let found = &mut self.found;
+        found.clear();
         for start in starts {
-            // The face on either side of one edge of the start; the flood goes round the fan from there.
             let h = mesh.all_vertex_half_edges()[start.index()];
-            let other = u64::from(is_reached(mesh.to(h)));
-            self.enter(h, 1 | other << 1);
-            self.enter(mesh.opposite(h), other | 2);
+            found.extend([leaving(h.next()), leaving(h.prev())]);
+            walk(mesh, h, |h| found.push(leaving(h)));
         }
-        let (faces, opposites) = (mesh.faces(), mesh.all_opposites());
-        let mut next = 0;
-        while next < self.queued {
-            // what a few faces lead to is read at once, for memory answers many questions as fast as one
-            let mut ahead = [(VertexId::NONE, [HalfEdge::NONE; 2], 0); AHEAD];
-            let count = AHEAD.min(self.queued - next);
-            let round = self.round;
-            for (slot, &entered) in ahead.iter_mut().zip(&self.entered[next..next + count]) {
-                let (h, flags) = (HalfEdge((entered >> 2) as u32), entered & 3);
-                // The face was entered across `h`, whose ends are known; only the corner opposite may be new.
-                let (f, k) = (h.face().index(), h.corner());
-                let (k1, k2) = ([1, 2, 0][k], [2, 0, 1][k]);
-                let across = [opposites[f][k1], opposites[f][k2]];
-                let fresh = |h: HalfEdge| match self.stamps.get(h.face().index()) {
-                    Some(&stamp) if stamp != round => h,
-                    _ => HalfEdge::NONE,
-                };
-                *slot = (faces[f][k2], across.map(fresh), flags);
+        let (mut next, mut queued) = (0, 0);
+        loop {
+            let settled = queued;
+            for k in settled..found.len() {
+                // without a branch: which way it goes is a coin toss
+                found[queued] = found[k];
+                queued += usize::from(is_new(found[k].0));
             }
-            next += count;
-            for &(corner, [left, right], flags) in &ahead[..count] {
-                let apex = u64::from(is_reached(corner));
-                self.enter(left, apex | (flags & 2));
-                self.enter(right, (flags & 1) | apex << 1);
+            found.truncate(queued);
+            if next == queued {
+                break;
+            }
+            for _ in 0..AHEAD.min(queued - next) {
+                let (v, h) = found[next];
+                next += 1;
+                if is_reached(v) {
+                    walk(mesh, h, |h| found.push(leaving(h)));
+                }
             }
         }
     }
+}
 
-    /// Queues the face of `h` unless it was queued, `h` is absent, or neither end is reached (bit 0 of `flags`: the
-    /// vertex that `h` leaves, bit 1: the one it reaches). Without a branch: which way it goes is a coin toss.
-    #[inline]
-    fn enter(&mut self, h: HalfEdge, flags: u64) {
-        if self.queued == self.entered.len() {
-            self.entered.resize(self.entered.len() * 2 + 64, 0);
+/// Calls `note` with a half-edge out of every vertex next to the one that `first` leaves, but for those of its own face.
+#[inline(always)]
+fn walk(mesh: &Mesh, first: HalfEdge, mut note: impl FnMut(HalfEdge)) {
+    let opposites = mesh.all_opposites().as_flattened();
+    let last = opposites[first.0 as usize];
+    let mut h = opposites[first.prev().0 as usize];
+    while h.is_some() {
+        let back = h.prev();
+        if back == last {
+            return;
         }
-        let sentinel = self.stamps.len() - 1; // always stamped: where an absent half-edge ends up
-        let stamp = &mut self.stamps[h.face().index().min(sentinel)];
-        let fresh = (flags != 0) & (*stamp != self.round);
-        *stamp = if fresh { self.round } else { *stamp };
-        self.entered[self.queued] = u64::from(h.0) << 2 | flags;
-        self.queued += usize::from(fresh);
+        note(back);
+        h = opposites[back.0 as usize];
+    }
+    // a border: what lies the other way round
+    h = last;
+    while h.is_some() {
+        note(h.prev());
+        h = opposites[h.next().0 as usize];
     }
 }
 
 /// Scratch of the floods, sized by the mesh and kept between calls.
 #[derive(Clone, Debug, Default)]
 pub struct Flood {
-    faces: FaceQueue,
+    fans: FanQueue,
     /// `2 * round + 1` where reached, `2 * round` where seen and refused.
     stamps: Vec<u32>,
     round: u32,
@@ -126,17 +114,22 @@ impl Flood {
                 reached.push(start);
             }
         }
+        // both closures write stamps
+        let stamps = std::cell::Cell::from_mut(&mut stamps[..]).as_slice_of_cells();
         let live = starts.iter().copied().filter(|&v| mesh.vertex_is_live(v));
-        self.faces.spread(mesh, live, |v| {
-            let stamp = &mut stamps[v.index()];
-            if *stamp < seen {
-                *stamp = seen;
-                if inside(v) {
-                    *stamp = taken;
-                    reached.push(v);
-                }
+        let is_new = |v: VertexId| {
+            let stamp = &stamps[v.index()];
+            let before = stamp.get();
+            stamp.set(before.max(seen));
+            before < seen
+        };
+        self.fans.spread(mesh, live, is_new, |v| {
+            let is_inside = inside(v);
+            if is_inside {
+                stamps[v.index()].set(taken);
+                reached.push(v);
             }
-            *stamp == taken
+            is_inside
         });
         &self.reached
     }

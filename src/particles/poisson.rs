@@ -9,12 +9,13 @@
 //! The order decides density and speed. Samples advance as a front: candidates are the vertices just outside the disks
 //! taken so far, oldest disk first, which packs them closer than random darts and keeps the working set small.
 
-use super::flood::{FaceQueue, Flood};
+use super::flood::{FanQueue, Flood};
 use super::point_grid::PointGrid;
 use super::random::draw;
 use super::settings::spacing_for_count;
 use crate::geometry::{Mesh, VertexId};
 use glam::{DVec3, Vec3};
+use std::cell::Cell;
 use std::collections::VecDeque;
 
 /// A sample whose rim may still hold candidates.
@@ -34,19 +35,20 @@ struct Disk {
 struct Spot {
     /// Relative to the middle of the model, rounded: decides all but the closest calls.
     at: Vec3,
-    /// Odd: covered, by sample `(mark - 1) / 2` counted from 1. Even: open, last seen from the rim of sample `mark / 2`.
+    /// [`COVERED`], else open: the last sample that saw it, counted from 1.
     mark: u32,
 }
+
+/// The mark of vertices that conflict with a sample or are one.
+const COVERED: u32 = u32::MAX;
 
 /// Scratch of [`sample_with`].
 #[derive(Clone, Debug, Default)]
 pub struct PoissonScratch {
     spots: Vec<Spot>,
-    faces: FaceQueue,
+    fans: FanQueue,
     disks: VecDeque<Disk>,
-    /// Longer than its content, which is `rims_len`.
     rims: Vec<VertexId>,
-    rims_len: usize,
     /// Samples by place.
     grid: PointGrid,
     near: Vec<VertexId>,
@@ -82,8 +84,8 @@ pub fn sample_with(
     // What rounding may make of a squared distance near the limit: each place is off by half a unit in its last digit.
     let doubt = 4.0 * f64::from(f32::EPSILON) * ((high - low).length() * spacing + spacing * spacing);
     scratch.disks.clear();
-    scratch.rims_len = 0;
-    scratch.grid = PointGrid::between(low, high, spacing);
+    scratch.rims.clear();
+    scratch.grid = PointGrid::between(low, high, 2.0 * spacing);
     let first = (draw(seed, 0) % vertices as u64) as usize;
     let limit = spacing * spacing;
     let (sure, possible) = ((limit - doubt) as f32, (limit + doubt) as f32);
@@ -112,7 +114,7 @@ struct Sampler<'a> {
 
 impl Sampler<'_> {
     fn is_open(&self, v: VertexId) -> bool {
-        self.scratch.spots[v.index()].mark & 1 == 0
+        self.scratch.spots[v.index()].mark != COVERED
     }
 
     /// Fills the rims of all disks, oldest first; each pick lies as near as it may to the pick before it.
@@ -125,7 +127,7 @@ impl Sampler<'_> {
                 }
             }
         }
-        self.scratch.rims_len = 0;
+        self.scratch.rims.clear();
     }
 
     /// The open vertex of a disk's rim that is nearest to `last`, the first among equals. Drops covered ones from the rim.
@@ -138,7 +140,7 @@ impl Sampler<'_> {
             let v = rim[k];
             let Spot { at, mark } = spots[v.index()];
             rim[kept] = v;
-            if mark & 1 == 0 {
+            if mark != COVERED {
                 kept += 1;
                 let distance = (at - from).length_squared();
                 if distance < least || best.is_none() {
@@ -153,7 +155,7 @@ impl Sampler<'_> {
     /// Makes an open vertex a sample unless one conflicts with it.
     fn take(&mut self, candidate: VertexId, from: VertexId) -> bool {
         if self.conflicts(candidate) {
-            self.scratch.spots[candidate.index()].mark = 1;
+            self.scratch.spots[candidate.index()].mark = COVERED;
             return false;
         }
         self.scratch.grid.insert(self.samples.len() as u32, self.rest[candidate.index()]);
@@ -185,30 +187,34 @@ impl Sampler<'_> {
 
     /// Marks open vertices in conflict with the newest sample, as far as open ones lead, and queues the rim beyond them.
     fn cover(&mut self, sample: VertexId, from: VertexId) {
-        let number = self.samples.len() as u32;
-        let (seen, covered) = (2 * number, 2 * number + 1);
+        let seen = self.samples.len() as u32;
         let (rest, limit, sure, possible) = (self.rest, self.limit, self.sure, self.possible);
         let in_doubt = |distance: f32| distance <= possible || distance.is_nan();
-        let PoissonScratch { spots, faces, rims, rims_len, disks, .. } = &mut *self.scratch;
-        let start = *rims_len;
+        let PoissonScratch { spots, fans, rims, disks, .. } = &mut *self.scratch;
+        let start = rims.len() as u32;
+        spots[sample.index()].mark = COVERED;
         let (centre, exact_centre) = (spots[sample.index()].at, rest[sample.index()]);
-        spots[sample.index()].mark = covered;
-        faces.spread(self.mesh, [sample], |v| {
-            let spot = &mut spots[v.index()];
-            if spot.mark & 1 == 0 && spot.mark != seen {
-                let distance = (spot.at - centre).length_squared();
-                let near = distance < sure || (in_doubt(distance) && (rest[v.index()] - exact_centre).length_squared() < limit);
-                spot.mark = if near { covered } else { seen };
-                if *rims_len == rims.len() {
-                    rims.resize(2 * rims.len() + 256, VertexId::NONE);
-                }
-                rims[*rims_len] = v;
-                *rims_len += usize::from(!near);
+        let spots = Cell::from_mut(&mut spots[..]).as_slice_of_cells();
+        let is_new = |v: VertexId| {
+            let spot = &spots[v.index()];
+            let Spot { at, mark } = spot.get();
+            spot.set(Spot { at, mark: mark.max(seen) });
+            mark < seen
+        };
+        fans.spread(self.mesh, [sample], is_new, |v| {
+            let Spot { at, .. } = spots[v.index()].get();
+            let distance = (at - centre).length_squared();
+            let near = distance < sure || (in_doubt(distance) && (rest[v.index()] - exact_centre).length_squared() < limit);
+            if near {
+                spots[v.index()].set(Spot { at, mark: COVERED });
+            } else {
+                rims.push(v);
             }
-            spot.mark == covered
+            near
         });
-        if *rims_len > start {
-            disks.push_back(Disk { centre: sample, from, start: start as u32, end: *rims_len as u32 });
+        let end = rims.len() as u32;
+        if start < end {
+            disks.push_back(Disk { centre: sample, from, start, end });
         }
     }
 }
