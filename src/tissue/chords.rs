@@ -3,7 +3,8 @@
 //! out of the body near a joint, and far from its neighbours.
 
 use super::Tissue;
-use crate::geometry::VertexId;
+use super::sections::SECTION_MARGIN;
+use crate::geometry::{SectionId, VertexId};
 use crate::surgery::insert::NewVertex;
 use glam::DVec3;
 
@@ -17,7 +18,7 @@ const WAYS: [DVec3; 3] = [
 /// Faces whose projection along a chord is smaller than this, against the squared reach of their corners, are seen edge on.
 const EDGE_ON: f64 = 1e-6;
 
-/// Positions that are kept while faces are looked at.
+/// Vertices that are kept while faces are looked at.
 const RECENT: usize = 256;
 
 /// Corners of the two faces that a chord ends on, with their shares of the point: they sum to 1.
@@ -40,6 +41,13 @@ struct Line {
     across: [DVec3; 2],
 }
 
+/// A vertex as seen from the point, and across each line.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    at: DVec3,
+    flat: [[f64; 2]; WAYS.len()],
+}
+
 impl Tissue {
     /// What `p`, where bones alone move the tissue, hangs on: the shortest chord through it. `None` if none leaves the body both
     /// ways, or no bone moves anything. Walls are passed through. `made` lists an edit's vertices, whose rows may not be known yet. Call
@@ -60,23 +68,30 @@ impl Tissue {
         });
         let mut exits = [[None::<Exit>; 2]; WAYS.len()];
         // faces of a section have their vertices in common
-        let mut recent = [(VertexId::NONE, DVec3::ZERO); RECENT];
-        let faces = self.faces_where(|low, high| lines.iter().any(|l| l.meets_box(low - p, high - p)));
+        let mut recent = [(VertexId::NONE, Seen::default()); RECENT];
+        let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
+        let near = |b: &(DVec3, DVec3)| lines.iter().any(|l| l.meets_box(b.0 - margin - p, b.1 + margin - p));
+        let sections = self.sections.current().iter().enumerate().filter(|(_, b)| near(b));
+        let faces = sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)));
         for f in faces.filter(|&f| self.mesh.face_info(f).origin != u32::MAX) {
             let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(known) else { continue };
             let seen = [a, b, c].map(|v| {
                 let kept = &mut recent[v.index() % RECENT];
                 if kept.0 != v {
-                    *kept = (v, self.pose.skin(&self.rows, v) - p);
+                    let at = self.pose.skin(&self.rows, v) - p;
+                    *kept = (v, Seen { at, flat: [0, 1, 2].map(|i| lines[i].across.map(|u| at.dot(u))) });
                 }
                 kept.1
             });
-            for (line, ends) in lines.iter().zip(&mut exits) {
-                let Some((along, shares)) = line.meets(seen) else { continue };
+            for (i, ends) in exits.iter_mut().enumerate() {
+                let Some(shares) = origin_in(seen.map(|s| s.flat[i])) else { continue };
+                let corners = seen.map(|s| s.at);
+                let along: f64 = shares.iter().zip(corners).map(|(w, c)| w * c.dot(lines[i].way)).sum();
                 let forth = along >= 0.0;
                 let end = &mut ends[usize::from(forth)];
                 if end.is_none_or(|e| along.abs() < e.away) {
-                    let leaves = ((seen[1] - seen[0]).cross(seen[2] - seen[0]).dot(line.way) > 0.0) == forth;
+                    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+                    let leaves = (normal.dot(lines[i].way) > 0.0) == forth;
                     *end = Some(Exit { away: along.abs(), corners: [(a, shares[0]), (b, shares[1]), (c, shares[2])], leaves });
                 }
             }
@@ -105,19 +120,16 @@ impl Line {
         let (one, other) = (low / self.way, high / self.way);
         one.min(other).max_element() <= one.max(other).min_element()
     }
+}
 
-    /// Where the line meets a triangle: how far along, and the corners' shares of the place.
-    fn meets(&self, corners: [DVec3; 3]) -> Option<(f64, [f64; 3])> {
-        let [p, q, r] = corners.map(|c| self.across.map(|u| c.dot(u)));
-        let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
-        let parts = [cross(q, r), cross(r, p), cross(p, q)];
-        if parts.iter().any(|&w| w < 0.0) && parts.iter().any(|&w| w > 0.0) {
-            return None;
-        }
-        let whole: f64 = parts.iter().sum();
-        let reach = [p, q, r].iter().map(|c| c[0] * c[0] + c[1] * c[1]).fold(0.0, f64::max);
-        let shares = parts.map(|w| w / whole);
-        let along = || shares.iter().zip(corners).map(|(w, c)| w * c.dot(self.way)).sum();
-        (whole.abs() > EDGE_ON * reach).then(|| (along(), shares))
+/// The corners' shares of the origin, if it lies in their triangle.
+fn origin_in([p, q, r]: [[f64; 2]; 3]) -> Option<[f64; 3]> {
+    let cross = |a: [f64; 2], b: [f64; 2]| a[0] * b[1] - a[1] * b[0];
+    let parts = [cross(q, r), cross(r, p), cross(p, q)];
+    if parts.iter().any(|&w| w < 0.0) && parts.iter().any(|&w| w > 0.0) {
+        return None;
     }
+    let whole: f64 = parts.iter().sum();
+    let reach = [p, q, r].iter().map(|c| c[0] * c[0] + c[1] * c[1]).fold(0.0, f64::max);
+    (whole.abs() > EDGE_ON * reach).then(|| parts.map(|w| w / whole))
 }
