@@ -250,7 +250,7 @@ impl WallScratch {
         self.vertices.extend(self.walls.points.iter().map(vertex));
     }
 
-    /// The rim's vertex nearest to a corner of the body: what it takes its bones from. One of the model's own surface, where there is
+    /// The rim's vertex nearest to a corner of the body: what moves it besides bones, and what those are where it hangs on no skin. One of the model's own surface, where there is
     /// any: from walls, bones would be handed on from box to box along the whole slit.
     fn nearest_rim(&self, mesh: &Mesh, p: DVec3) -> VertexId {
         let key = |i: usize| {

@@ -2,6 +2,7 @@
 
 mod bounded_cut;
 mod cavities;
+mod chords;
 mod double_edges;
 pub mod edit;
 pub mod forces;

@@ -41,14 +41,18 @@ impl Tissue {
         materials.len() as u32 - 1
     }
 
-    /// Appends a base vertex that stands at `n.position` now, with the bones of `n`'s first parent and moved by what moves it.
-    /// `made` lists the edit's vertices, whose influences are not known yet.
+    /// Appends a corner that stands at `n.position` now, moved by what moves `n`'s first parent. It hangs on the skin; where bones move
+    /// nothing, or it lies in no body, it is a base vertex with that parent's bones. `made` lists the edit's vertices, whose
+    /// influences are not known yet.
     pub(super) fn push_corner(&mut self, n: &NewVertex, made: &[NewVertex]) -> VertexId {
         let parent = n.parents[0].0;
         if parent.is_none() {
             return self.rows.push_base(n.position.as_vec3().to_array(), &[]);
         }
         let skinned = n.position - self.moved_by(parent, made);
+        if let Some(hanging) = self.hang(skinned, made) {
+            return self.rows.push_embedded(&hanging);
+        }
         let bones = self.blended_bones(&[(parent, 1.0)]);
         let rest = self.solve_rest(&bones, skinned);
         self.rows.push_base(rest.as_vec3().to_array(), &bones)
