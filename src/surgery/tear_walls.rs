@@ -250,8 +250,8 @@ impl WallScratch {
         self.vertices.extend(self.walls.points.iter().map(vertex));
     }
 
-    /// The rim's vertex nearest to a corner of the body: what moves it besides bones, and what those are where it hangs on no skin. One of the model's own surface, where there is
-    /// any: from walls, bones would be handed on from box to box along the whole slit.
+    /// The rim's vertex nearest to a corner of the body: what moves it besides bones, and what those are where it hangs on no skin. One
+    /// of the model's own surface, where there is any: from walls, bones would be handed on from box to box along the whole slit.
     fn nearest_rim(&self, mesh: &Mesh, p: DVec3) -> VertexId {
         let key = |i: usize| {
             let is_wall = mesh.face_info(self.edges[i].open.face()).origin == u32::MAX;

@@ -4,7 +4,8 @@
 
 use super::Tissue;
 use super::sections::SECTION_MARGIN;
-use crate::geometry::{SectionId, VertexId};
+use crate::geometry::room::fit;
+use crate::geometry::{FaceId, SectionId, VertexId};
 use crate::surgery::insert::NewVertex;
 use glam::DVec3;
 
@@ -17,9 +18,6 @@ const WAYS: [DVec3; 3] = [
 
 /// Faces whose projection along a chord is smaller than this, against the squared reach of their corners, are seen edge on.
 const EDGE_ON: f64 = 1e-6;
-
-/// Vertices that are kept while faces are looked at.
-const RECENT: usize = 256;
 
 /// Corners of the two faces that a chord ends on, with their shares of the point: they sum to 1.
 pub(super) type Hanging = [(VertexId, f64); 6];
@@ -35,91 +33,112 @@ struct Exit {
     leaves: bool,
 }
 
-/// A line through the origin, along no axis, with two directions across it.
-struct Line {
-    way: DVec3,
-    across: [DVec3; 2],
+/// Skinned positions of a tissue as it stands and is, each computed when first asked for: the corners of a box look along lines that are
+/// near each other.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Skins {
+    at: Vec<DVec3>,
+    /// The round in which each was computed.
+    known: Vec<u32>,
+    round: u32,
+    /// Versions of the pose and of the structure.
+    versions: [u64; 2],
 }
 
-/// A vertex as seen from the point, and across each line.
-#[derive(Clone, Copy, Default)]
-struct Seen {
-    at: DVec3,
-    flat: [[f64; 2]; WAYS.len()],
+impl Skins {
+    /// To be called before positions are asked for.
+    fn refresh(&mut self, tissue: &Tissue) {
+        let versions = [tissue.versions.pose, tissue.versions.structure];
+        if self.round == 0 || versions != self.versions {
+            if self.round == u32::MAX {
+                self.known.fill(0);
+                self.round = 0;
+            }
+            self.round += 1;
+            self.versions = versions;
+        }
+        fit(&mut self.known, tissue.rows.len(), 0);
+        fit(&mut self.at, tissue.rows.len(), DVec3::ZERO);
+    }
+
+    fn of(&mut self, tissue: &Tissue, v: VertexId) -> DVec3 {
+        if self.known[v.index()] != self.round {
+            self.at[v.index()] = tissue.pose.skin(&tissue.rows, v);
+            self.known[v.index()] = self.round;
+        }
+        self.at[v.index()]
+    }
 }
 
 impl Tissue {
-    /// What `p`, where bones alone move the tissue, hangs on: the shortest chord through it. `None` if none leaves the body both
-    /// ways, or no bone moves anything. Walls are passed through. `made` lists an edit's vertices, whose rows may not be known yet. Call
-    /// [`Tissue::refresh_sections`] first.
-    pub(super) fn hang(&self, p: DVec3, made: &[NewVertex]) -> Option<Hanging> {
+    /// What `p`, where bones alone move the tissue, hangs on: a chord through it, the one of three ways that goes most straight through
+    /// the skin at `near`. `None` if none leaves the body both ways, or no bone moves anything. Walls are passed through. `made`
+    /// lists an edit's vertices, whose rows may not be known yet. Call [`Tissue::refresh_sections`] first.
+    pub(super) fn hang(&self, near: VertexId, p: DVec3, made: &[NewVertex], skins: &mut Skins) -> Option<Hanging> {
         if self.pose.joint_matrices.is_empty() {
             return None;
         }
+        skins.refresh(self);
         let known = |mut v: VertexId| {
             while v.index() >= self.rows.len() {
                 v = made.iter().find(|m| m.vertex == v)?.parents[0].0;
             }
             Some(v)
         };
-        let lines = WAYS.map(|way| {
-            let (u, v) = way.any_orthonormal_pair();
-            Line { way, across: [u, v] }
-        });
-        let mut exits = [[None::<Exit>; 2]; WAYS.len()];
-        // faces of a section have their vertices in common
-        let mut recent = [(VertexId::NONE, Seen::default()); RECENT];
-        let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
-        let near = |b: &(DVec3, DVec3)| lines.iter().any(|l| l.meets_box(b.0 - margin - p, b.1 + margin - p));
-        let sections = self.sections.current().iter().enumerate().filter(|(_, b)| near(b));
-        let faces = sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)));
-        for f in faces.filter(|&f| self.mesh.face_info(f).origin != u32::MAX) {
-            let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(known) else { continue };
-            let seen = [a, b, c].map(|v| {
-                let kept = &mut recent[v.index() % RECENT];
-                if kept.0 != v {
-                    let at = self.pose.skin(&self.rows, v) - p;
-                    *kept = (v, Seen { at, flat: [0, 1, 2].map(|i| lines[i].across.map(|u| at.dot(u))) });
-                }
-                kept.1
-            });
-            for (i, ends) in exits.iter_mut().enumerate() {
-                let Some(shares) = origin_in(seen.map(|s| s.flat[i])) else { continue };
-                let corners = seen.map(|s| s.at);
-                let along: f64 = shares.iter().zip(corners).map(|(w, c)| w * c.dot(lines[i].way)).sum();
-                let forth = along >= 0.0;
-                let end = &mut ends[usize::from(forth)];
-                if end.is_none_or(|e| along.abs() < e.away) {
-                    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-                    let leaves = (normal.dot(lines[i].way) > 0.0) == forth;
-                    *end = Some(Exit { away: along.abs(), corners: [(a, shares[0]), (b, shares[1]), (c, shares[2])], leaves });
-                }
+        let fan = self.mesh.vertex_is_live(near).then(|| self.mesh.fan(near));
+        let mut normal = DVec3::ZERO;
+        for f in fan.into_iter().flatten().map(|h| h.face()).filter(|&f| self.is_skin(f)) {
+            if let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(known) {
+                let [a, b, c] = [a, b, c].map(|v| skins.of(self, v));
+                normal += (b - a).cross(c - a);
             }
         }
-        let chord = |ends: [Option<Exit>; 2]| match ends {
-            [Some(a), Some(b)] => (a.leaves && b.leaves && a.away + b.away > 0.0).then_some((a.away + b.away, a, b)),
-            _ => None,
-        };
-        let (_, a, b) = exits.into_iter().filter_map(chord).min_by(|x, y| x.0.total_cmp(&y.0))?;
+        let mut ways = WAYS;
+        ways.sort_by(|a, b| b.dot(normal).abs().total_cmp(&a.dot(normal).abs()));
+        ways.into_iter().find_map(|way| self.chord(p, way, known, skins))
+    }
+
+    /// The ends of the shortest chord of the body through `p` along a way.
+    fn chord(&self, p: DVec3, way: DVec3, known: impl Fn(VertexId) -> Option<VertexId>, skins: &mut Skins) -> Option<Hanging> {
+        let (across, inverse) = (way.any_orthonormal_pair(), way.recip());
+        let mut exits = [None::<Exit>; 2];
+        let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
+        let meets = |b: &(DVec3, DVec3)| line_meets_box(inverse, b.0 - margin - p, b.1 + margin - p);
+        let sections = self.sections.current().iter().enumerate().filter(|(_, b)| meets(b));
+        let faces = sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)));
+        for f in faces.filter(|&f| self.is_skin(f)) {
+            let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(&known) else { continue };
+            let corners = [a, b, c].map(|v| skins.of(self, v) - p);
+            let Some(shares) = origin_in(corners.map(|c| [c.dot(across.0), c.dot(across.1)])) else { continue };
+            let along: f64 = shares.iter().zip(corners).map(|(w, c)| w * c.dot(way)).sum();
+            let forth = along >= 0.0;
+            let end = &mut exits[usize::from(forth)];
+            if end.is_none_or(|e| along.abs() < e.away) {
+                let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+                let leaves = (normal.dot(way) > 0.0) == forth;
+                *end = Some(Exit { away: along.abs(), corners: [(a, shares[0]), (b, shares[1]), (c, shares[2])], leaves });
+            }
+        }
+        let [Some(a), Some(b)] = exits else { return None };
+        if !(a.leaves && b.leaves && a.away + b.away > 0.0) {
+            return None;
+        }
         let share = b.away / (a.away + b.away);
         let [a0, a1, a2] = a.corners.map(|(v, w)| (v, w * share));
         let [b0, b1, b2] = b.corners.map(|(v, w)| (v, w * (1.0 - share)));
         Some([a0, a1, a2, b0, b1, b2])
     }
 
-    /// Where a point of the body is at rest, by what it hangs on; outside by the frame of `near`.
-    pub(super) fn rest_inside(&self, near: VertexId, p: DVec3) -> DVec3 {
-        let skinned = p - (self.position(near) - self.skinned(near));
-        self.hang(skinned, &[]).map_or_else(|| self.to_rest(near, p), |h| h.iter().map(|&(v, w)| self.rest[v.index()] * w).sum())
+    /// True for what is left of the model's own surface.
+    fn is_skin(&self, f: FaceId) -> bool {
+        self.mesh.face_info(f).origin != u32::MAX
     }
 }
 
-impl Line {
-    /// False only if the line misses the box.
-    fn meets_box(&self, low: DVec3, high: DVec3) -> bool {
-        let (one, other) = (low / self.way, high / self.way);
-        one.min(other).max_element() <= one.max(other).min_element()
-    }
+/// False only if the line through the origin misses the box; `inverse` has one over its direction's coordinates.
+fn line_meets_box(inverse: DVec3, low: DVec3, high: DVec3) -> bool {
+    let (one, other) = (low * inverse, high * inverse);
+    one.min(other).max_element() <= one.max(other).min_element()
 }
 
 /// The corners' shares of the origin, if it lies in their triangle.

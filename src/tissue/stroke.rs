@@ -517,8 +517,8 @@ impl TearStroke {
         end
     }
 
-    /// The blade `[tip, top]` at one end of a box, carried to rest space: the tip hangs on the skin, the top goes with the nearest
-    /// surface vertex. It ends not far above what was torn: a vertex's frame holds near it, and the next box may have another.
+    /// The blade `[tip, top]` at one end of a box, carried to rest space by the nearest surface vertex. It ends not far above what was
+    /// torn: a vertex's frame holds near it, and the next box may have another.
     fn rest_edge(&self, tissue: &Tissue, tear_box: &TearBox, end: usize) -> [DVec3; 2] {
         let [tip, top] = tear_box.blades[end];
         let seen = |v| self.positions.of(tissue, v);
@@ -526,7 +526,7 @@ impl TearStroke {
         let highest = self.near.iter().filter(|v| tissue.mesh.vertex_is_live(**v)).map(share).fold(0.0, f64::max);
         let top = if highest > 0.0 && highest < 0.5 { tip.lerp(top, 2.0 * highest) } else { top };
         match nearest_of(tissue, &self.near, top, &seen).or_else(|| nearest_vertex(tissue, &self.candidates, top, &seen)) {
-            Some(v) => [tissue.rest_inside(v, tip), tissue.to_rest(v, top)],
+            Some(v) => [tip, top].map(|p| tissue.to_rest(v, p)),
             None => [tip, top],
         }
     }

@@ -50,7 +50,10 @@ impl Tissue {
             return self.rows.push_base(n.position.as_vec3().to_array(), &[]);
         }
         let skinned = n.position - self.moved_by(parent, made);
-        if let Some(hanging) = self.hang(skinned, made) {
+        let mut skins = std::mem::take(&mut self.scratch.skins);
+        let hanging = self.hang(parent, skinned, made, &mut skins);
+        self.scratch.skins = skins;
+        if let Some(hanging) = hanging {
             return self.rows.push_embedded(&hanging);
         }
         let bones = self.blended_bones(&[(parent, 1.0)]);
