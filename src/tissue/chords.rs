@@ -109,7 +109,11 @@ impl Tissue {
         for f in faces.filter(|&f| self.is_skin(f)) {
             let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(&known) else { continue };
             let corners = [a, b, c].map(|v| skins.of(self, v) - p);
-            let Some(shares) = origin_in(corners.map(|c| [c.dot(across.0), c.dot(across.1)])) else { continue };
+            let aside = corners.map(|c| c.dot(across.0));
+            if aside.iter().all(|&x| x > 0.0) || aside.iter().all(|&x| x < 0.0) {
+                continue;
+            }
+            let Some(shares) = origin_in([0, 1, 2].map(|k| [aside[k], corners[k].dot(across.1)])) else { continue };
             let along: f64 = shares.iter().zip(corners).map(|(w, c)| w * c.dot(way)).sum();
             let forth = along >= 0.0;
             let end = &mut exits[usize::from(forth)];
