@@ -71,9 +71,10 @@ impl Skins {
 }
 
 impl Tissue {
-    /// What `p`, where bones alone move the tissue, hangs on: a chord through it, the one of three ways that goes most straight through
-    /// the skin at `near`. `None` if none leaves the body both ways, or no bone moves anything. Walls are passed through. `made`
-    /// lists an edit's vertices, whose rows may not be known yet. Call [`Tissue::refresh_sections`] first.
+    /// What `p`, where bones alone move the tissue, hangs on: the shortest of three chords through it. That which goes most straight
+    /// through the skin at `near` comes first: it bounds what the others have to look at. `None` if none leaves the body both ways, or
+    /// no bone moves anything. Walls are passed through. `made` lists an edit's vertices, whose rows may not be known yet. Call
+    /// [`Tissue::refresh_sections`] first.
     pub(super) fn hang(&self, near: VertexId, p: DVec3, made: &[NewVertex], skins: &mut Skins) -> Option<Hanging> {
         if self.pose.joint_matrices.is_empty() {
             return None;
@@ -95,15 +96,27 @@ impl Tissue {
         }
         let mut ways = WAYS;
         ways.sort_by(|a, b| b.dot(normal).abs().total_cmp(&a.dot(normal).abs()));
-        ways.into_iter().find_map(|way| self.chord(p, way, known, skins))
+        let mut best: Option<(f64, Hanging)> = None;
+        for way in ways {
+            let limit = best.map_or(f64::INFINITY, |b| b.0);
+            best = self.chord(p, way, limit, known, skins).or(best);
+        }
+        best.map(|b| b.1)
     }
 
-    /// The ends of the shortest chord of the body through `p` along a way.
-    fn chord(&self, p: DVec3, way: DVec3, known: impl Fn(VertexId) -> Option<VertexId>, skins: &mut Skins) -> Option<Hanging> {
+    /// Length and ends of the chord of the body through `p` along a way, if it is shorter than `limit`.
+    fn chord(
+        &self,
+        p: DVec3,
+        way: DVec3,
+        limit: f64,
+        known: impl Fn(VertexId) -> Option<VertexId>,
+        skins: &mut Skins,
+    ) -> Option<(f64, Hanging)> {
         let (across, inverse) = (way.any_orthonormal_pair(), way.recip());
         let mut exits = [None::<Exit>; 2];
         let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
-        let meets = |b: &(DVec3, DVec3)| line_meets_box(inverse, b.0 - margin - p, b.1 + margin - p);
+        let meets = |b: &(DVec3, DVec3)| line_meets_box(inverse, limit, b.0 - margin - p, b.1 + margin - p);
         let sections = self.sections.current().iter().enumerate().filter(|(_, b)| meets(b));
         let faces = sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)));
         for f in faces.filter(|&f| self.is_skin(f)) {
@@ -124,13 +137,14 @@ impl Tissue {
             }
         }
         let [Some(a), Some(b)] = exits else { return None };
-        if !(a.leaves && b.leaves && a.away + b.away > 0.0) {
+        let length = a.away + b.away;
+        if !(a.leaves && b.leaves && length > 0.0 && length < limit) {
             return None;
         }
-        let share = b.away / (a.away + b.away);
+        let share = b.away / length;
         let [a0, a1, a2] = a.corners.map(|(v, w)| (v, w * share));
         let [b0, b1, b2] = b.corners.map(|(v, w)| (v, w * (1.0 - share)));
-        Some([a0, a1, a2, b0, b1, b2])
+        Some((length, [a0, a1, a2, b0, b1, b2]))
     }
 
     /// True for what is left of the model's own surface.
@@ -139,10 +153,11 @@ impl Tissue {
     }
 }
 
-/// False only if the line through the origin misses the box; `inverse` has one over its direction's coordinates.
-fn line_meets_box(inverse: DVec3, low: DVec3, high: DVec3) -> bool {
+/// False only if the line through the origin misses the box as far as `limit` both ways; `inverse` has one over its direction's
+/// coordinates.
+fn line_meets_box(inverse: DVec3, limit: f64, low: DVec3, high: DVec3) -> bool {
     let (one, other) = (low * inverse, high * inverse);
-    one.min(other).max_element() <= one.max(other).min_element()
+    one.min(other).max_element().max(-limit) <= one.max(other).min_element().min(limit)
 }
 
 /// The corners' shares of the origin, if it lies in their triangle.
