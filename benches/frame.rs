@@ -9,7 +9,8 @@ use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
 use incise::formats;
 use incise::geometry::VertexId;
-use incise::gpu::{Camera, ColourTarget, Context, ContextOptions, DrawOptions, GpuError, RenderTarget, ViewPose, ViewSet};
+use incise::gpu::targets::Picture;
+use incise::gpu::{Camera, Context, ContextOptions, DrawOptions, GpuError, RenderTarget, ViewPose, ViewSet};
 use incise::host::mirror::Mirror;
 use incise::input::InputFrame;
 use incise::particles::ParticleSettings;
@@ -36,7 +37,7 @@ const FRAMES: usize = 400;
 struct Target {
     mirror: Mirror,
     submits: bool,
-    colour: ColourTarget,
+    colour: Picture,
     views: [ViewPose; 1],
     sync_ms: f64,
     encode_ms: f64,
@@ -49,18 +50,9 @@ impl Target {
         let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
         let drawing = if submits { "drawn between the frames" } else { "not drawn" };
         println!("{drawing}, adapter {}", context.adapter_name());
-        let texture = context.device().create_texture(&wgpu::TextureDescriptor {
-            label: None,
-            size: wgpu::Extent3d { width: 64, height: 64, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Bgra8UnormSrgb,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-            view_formats: &[],
-        });
+        let colour = Picture::new(&context, (64, 64), 1).expect("a picture");
         Self {
-            colour: ColourTarget::of_texture(&texture, texture.format()),
+            colour,
             mirror: Mirror::new(context),
             submits,
             views: [ViewPose::from_camera(camera, 1.0).expect("a view")],
@@ -85,7 +77,7 @@ impl FrameTarget for Target {
         let start = Instant::now();
         let mut encoder = context.device().create_command_encoder(&Default::default());
         let options = DrawOptions { lines: &lines, ..Default::default() };
-        let target = RenderTarget::new(&self.colour);
+        let target = RenderTarget::new(self.colour.target());
         self.mirror.renderer_mut().encode(&mut encoder, &ViewSet::new(&self.views), &target, &options)?;
         let commands = encoder.finish();
         self.encode_ms = ms(start);

@@ -11,8 +11,9 @@ use gpu_support::{context, eyes};
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
 use incise::geometry::Plane;
+use incise::gpu::targets::Picture;
 use incise::gpu::types::{Frame, Material, TissueRecord, WorkItem};
-use incise::gpu::{Camera, ColourTarget, DrawOptions, Fov, GpuCounters, GpuError, RenderTarget, Variant, ViewPose, ViewSet};
+use incise::gpu::{Camera, DrawOptions, Fov, GpuCounters, GpuError, RenderTarget, Variant, ViewPose, ViewSet};
 use incise::host::mirror::Mirror;
 use incise::input::{InputFrame, Layer};
 use incise::scene::{EditCommand, EditReport};
@@ -21,7 +22,7 @@ use incise::surgery::BladePose;
 /// Draws into images of others, as a headset's frame does, with late poses and without a wait.
 struct Target {
     mirror: Mirror,
-    colour: ColourTarget,
+    colour: Picture,
     counters: GpuCounters,
 }
 
@@ -50,7 +51,7 @@ impl FrameTarget for Target {
         };
         let views = [eye(-0.03), eye(0.03)];
         let options = DrawOptions { lines: &lines, ..Default::default() };
-        renderer.encode(&mut encoder, &ViewSet::new(&views), &RenderTarget::new(&self.colour), &options)?;
+        renderer.encode(&mut encoder, &ViewSet::new(&views), &RenderTarget::new(self.colour.target()), &options)?;
         renderer.set_late_views(&views.map(|v| ViewPose { position: v.position + DVec3::X * 1e-3, ..v }))?;
         context.queue().submit([encoder.finish()]);
         self.counters = renderer.take_counters();

@@ -11,9 +11,8 @@ use glam::{DQuat, DVec3};
 use gpu_support::{context, eyes};
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
-use incise::gpu::{
-    ColourTarget, DrawOptions, Fov, GpuError, Instrument, LineSegment, RenderTarget, ViewPose, ViewSet, VisibilityMask,
-};
+use incise::gpu::targets::Picture;
+use incise::gpu::{DrawOptions, Fov, GpuError, Instrument, LineSegment, RenderTarget, ViewPose, ViewSet, VisibilityMask};
 use incise::host::mirror::Mirror;
 use incise::input::InputFrame;
 use incise::scene::EditCommand;
@@ -25,7 +24,7 @@ static ALLOCATOR: dhat::Alloc = dhat::Alloc;
 /// A headset's frame: two masked views with late poses, a scalpel and lines that move.
 struct Target {
     mirror: Mirror,
-    colour: ColourTarget,
+    colour: Picture,
     frames: u32,
     lines: usize,
 }
@@ -47,7 +46,7 @@ impl FrameTarget for Target {
         let instruments = [Instrument::scalpel(by, by + DVec3::Y * 0.1, DVec3::X, 1.0)];
         let options = DrawOptions { lines, instruments: &instruments, ..Default::default() };
         let set = ViewSet { views: &views, masked: true };
-        renderer.encode(&mut encoder, &set, &RenderTarget::new(&self.colour), &options)?;
+        renderer.encode(&mut encoder, &set, &RenderTarget::new(self.colour.target()), &options)?;
         renderer.set_late_views(&views.map(|v| ViewPose { position: v.position + by, ..v }))?;
         context.queue().submit([encoder.finish()]);
         context.wait()

@@ -5,7 +5,8 @@ pub mod golden;
 
 use glam::{DAffine3, DQuat, DVec3};
 use incise::geometry::{Mesh, SlotCsr, Turn, VertexId, Wedge, WedgeId};
-use incise::gpu::{AdapterChoice, ColourTarget, Context, ContextOptions, MaterialView, TissueView, ViewVersions};
+use incise::gpu::targets::Picture;
+use incise::gpu::{AdapterChoice, Context, ContextOptions, MaterialView, TissueView, ViewVersions};
 use incise::particles::{Influence, ParticleMap};
 use incise::rig::{BoneWeight, JointMatrix, Pose, VertexRows};
 use std::sync::Arc;
@@ -23,18 +24,8 @@ pub fn plain_context() -> Arc<Context> {
 }
 
 /// Two small layers to draw into, as a headset's are.
-pub fn eyes(context: &Context) -> ColourTarget {
-    let texture = context.device().create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: wgpu::Extent3d { width: 32, height: 24, depth_or_array_layers: 2 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba8UnormSrgb,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
-    });
-    ColourTarget::of_texture(&texture, texture.format())
+pub fn eyes(context: &Context) -> Picture {
+    Picture::new(context, (32, 24), 2).expect("two layers")
 }
 
 /// Owns what a [`TissueView`] borrows.
