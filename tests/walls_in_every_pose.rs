@@ -57,9 +57,7 @@ fn floors_stay_inside_the_body_while_it_bends() {
         let duration = tissue.rig().animations[0].duration_s;
         uncut.set_pose(t, Some(0), t.rem_euclid(duration));
         let skin: Vec<_> = uncut.mesh().live_faces().map(|f| uncut.mesh().face(f).map(|v| uncut.position(v))).collect();
-        let mesh = tissue.mesh();
-        let is_deep = |v| mesh.fan(v).all(|h| mesh.face_info(h.face()).origin == u32::MAX);
-        for v in mesh.live_vertices().filter(|&v| is_deep(v)) {
+        for v in tissue.mesh().live_vertices().filter(|&v| common::is_deep(tissue.mesh(), v)) {
             looked_at += 1;
             outside += usize::from(winding(tissue.position(v), &skin) < 0.5);
         }

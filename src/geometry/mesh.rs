@@ -36,6 +36,14 @@ pub struct FaceInfo {
     pub section: SectionId,
 }
 
+impl FaceInfo {
+    /// True for caps and walls: faces that edits made inside the body, and no part of the surface as loaded.
+    #[inline]
+    pub fn is_interior(&self) -> bool {
+        self.origin == u32::MAX
+    }
+}
+
 /// A triangle mesh with adjacency. See the module's text.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {

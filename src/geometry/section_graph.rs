@@ -88,7 +88,7 @@ impl PartsBefore {
             return u32::MAX;
         }
         let mut first = if self.of_section.is_empty() { 0 } else { u32::MAX };
-        let mut infos = part.all_faces(mesh).map(|f| mesh.face_info(f)).filter(|info| info.origin != u32::MAX);
+        let mut infos = part.all_faces(mesh).map(|f| mesh.face_info(f)).filter(|info| !info.is_interior());
         while first > 0
             && let Some(info) = infos.next()
         {

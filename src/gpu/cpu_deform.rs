@@ -83,7 +83,7 @@ fn is_lip(view: &TissueView<'_>, v: VertexId) -> bool {
     }
     let (mut skin, mut inside, mut open) = (false, false, false);
     for h in view.mesh.fan(v) {
-        let is_inside = view.mesh.face_info(h.face()).origin == u32::MAX;
+        let is_inside = view.mesh.face_info(h.face()).is_interior();
         (skin, inside) = (skin | !is_inside, inside | is_inside);
         open |= view.mesh.opposite(h).is_none() || view.mesh.opposite(h.prev()).is_none();
     }

@@ -550,7 +550,7 @@ fn vertex_record(view: &TissueView<'_>, v: usize) -> VertexRecord {
 
 fn face_record(view: &TissueView<'_>, f: usize, tissue: u32) -> FaceRecord {
     let info = view.mesh.all_face_infos()[f];
-    let wall = info.origin == u32::MAX;
+    let wall = info.is_interior();
     FaceRecord {
         wedges: view.mesh.all_face_wedges()[f].map(|w| w.0),
         draw: info.material.min(0xffff) | tissue << 16 | u32::from(wall) << 31,

@@ -237,7 +237,7 @@ impl TearScratch {
         }
         let (v, at) = (self.slotted[slot], self.positions[slot]);
         let tagged = tags.binary_search_by_key(&v, |t| t.vertex).map_or(0, |i| tags[i].planes);
-        let is_wall = self.is_closed && mesh.fan(v).any(|h| mesh.face_info(h.face()).origin == u32::MAX);
+        let is_wall = self.is_closed && mesh.fan(v).any(|h| mesh.face_info(h.face()).is_interior());
         for (k, plane) in body.planes.iter().enumerate() {
             let is_on = tagged >> k & 1 == 1
                 || is_wall && plane.distance(at).abs() <= self.grain && wall_within(mesh, v, plane, self.grain, position);
@@ -547,7 +547,7 @@ impl TearScratch {
 
 /// True if a wall at `v`, and no mere sliver of one, lies in `plane` within the grain.
 fn wall_within(mesh: &Mesh, v: VertexId, plane: &Plane, grain: f64, position: &impl Fn(VertexId) -> DVec3) -> bool {
-    mesh.fan(v).filter(|h| mesh.face_info(h.face()).origin == u32::MAX).any(|h| {
+    mesh.fan(v).filter(|h| mesh.face_info(h.face()).is_interior()).any(|h| {
         let [p, q, r] = mesh.face(h.face()).map(position);
         let longest = p.distance(q).max(q.distance(r)).max(r.distance(p));
         let height = (q - p).cross(r - p).length() / longest;

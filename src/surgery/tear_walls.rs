@@ -73,7 +73,7 @@ impl WallScratch {
     /// Before the faces are replaced: half-edges of faces that stay, along the hole.
     pub(super) fn note_surroundings(&mut self, mesh: &Mesh, removed: &[FaceId], spec: &WallSpec) {
         let is_old = |f: &FaceId| spec.remove.binary_search(f).is_err() && spec.keep.binary_search(f).is_err();
-        self.cuts_walls = removed.iter().any(|f| mesh.face_info(*f).origin == u32::MAX && is_old(f));
+        self.cuts_walls = removed.iter().any(|f| mesh.face_info(*f).is_interior() && is_old(f));
         for h in removed.iter().flat_map(|&f| (0..3).map(move |k| HalfEdge::of(f, k))) {
             let back = mesh.opposite(h);
             if back.is_some() && removed.binary_search(&back.face()).is_err() {
@@ -166,7 +166,7 @@ impl TearScratch {
         out: &mut TearStep,
     ) {
         let walls = out.walls.iter().map(|w| w.0).chain(out.added_faces.iter().copied());
-        let walls = walls.filter(|&f| mesh.face_info(f).origin == u32::MAX);
+        let walls = walls.filter(|&f| mesh.face_info(f).is_interior());
         let mut vertices: Vec<VertexId> = walls.flat_map(|f| mesh.face(f)).collect();
         let mut tagged: Vec<(VertexId, i8)> = self.zero.iter().map(|z| (z.vertex, 0)).collect();
         tagged.extend(out.lips.iter().map(|l| (l.vertex, l.side)));
@@ -254,7 +254,7 @@ impl WallScratch {
     /// of the model's own surface, where there is any: from walls, bones would be handed on from box to box along the whole slit.
     fn nearest_rim(&self, mesh: &Mesh, p: DVec3) -> VertexId {
         let key = |i: usize| {
-            let is_wall = mesh.face_info(self.edges[i].open.face()).origin == u32::MAX;
+            let is_wall = mesh.face_info(self.edges[i].open.face()).is_interior();
             (is_wall, self.walls.points[i].1.distance_squared(p))
         };
         let rim = (0..self.edges.len()).map(|i| (key(i), i));

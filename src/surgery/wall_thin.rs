@@ -83,7 +83,7 @@ impl Thinner {
         }
         let here = at(v);
         for edge in mesh.fan(v) {
-            if mesh.face_info(edge.face()).origin != u32::MAX || mesh.opposite(edge).is_none() {
+            if !mesh.face_info(edge.face()).is_interior() || mesh.opposite(edge).is_none() {
                 return false;
             }
             let to = mesh.to(edge);

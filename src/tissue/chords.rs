@@ -86,9 +86,10 @@ impl Tissue {
             }
             Some(v)
         };
+        let is_skin = |f: &FaceId| !self.mesh.face_info(*f).is_interior();
         let fan = self.mesh.vertex_is_live(near).then(|| self.mesh.fan(near));
         let mut normal = DVec3::ZERO;
-        for f in fan.into_iter().flatten().map(|h| h.face()).filter(|&f| self.is_skin(f)) {
+        for f in fan.into_iter().flatten().map(|h| h.face()).filter(is_skin) {
             if let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(known) {
                 let [a, b, c] = [a, b, c].map(|v| skins.of(self, v));
                 normal += (b - a).cross(c - a);
@@ -119,7 +120,7 @@ impl Tissue {
         let meets = |b: &(DVec3, DVec3)| line_meets_box(inverse, limit, b.0 - margin - p, b.1 + margin - p);
         let sections = self.sections.current().iter().enumerate().filter(|(_, b)| meets(b));
         let faces = sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)));
-        for f in faces.filter(|&f| self.is_skin(f)) {
+        for f in faces.filter(|&f| !self.mesh.face_info(f).is_interior()) {
             let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(&known) else { continue };
             let corners = [a, b, c].map(|v| skins.of(self, v) - p);
             let aside = corners.map(|c| c.dot(across.0));
@@ -145,11 +146,6 @@ impl Tissue {
         let [a0, a1, a2] = a.corners.map(|(v, w)| (v, w * share));
         let [b0, b1, b2] = b.corners.map(|(v, w)| (v, w * (1.0 - share)));
         Some((length, [a0, a1, a2, b0, b1, b2]))
-    }
-
-    /// True for what is left of the model's own surface.
-    fn is_skin(&self, f: FaceId) -> bool {
-        self.mesh.face_info(f).origin != u32::MAX
     }
 }
 

@@ -42,7 +42,7 @@ impl Tissue {
     /// True if the faces on both sides are walls.
     fn is_of_walls(&self, h: HalfEdge) -> bool {
         let back = self.mesh.opposite(h);
-        back.is_some() && [h, back].iter().all(|h| self.mesh.face_info(h.face()).origin == u32::MAX)
+        back.is_some() && [h, back].iter().all(|h| self.mesh.face_info(h.face()).is_interior())
     }
 
     /// Puts a vertex into the middle of an edge. False, with nothing changed, where that would not part anything.

@@ -106,3 +106,8 @@ impl Solid {
         all.filter(|&h| self.mesh.opposite(h).is_none()).collect()
     }
 }
+
+/// True for a corner of walls and floors alone.
+pub fn is_deep(mesh: &Mesh, v: VertexId) -> bool {
+    mesh.fan(v).all(|h| mesh.face_info(h.face()).is_interior())
+}

@@ -88,9 +88,8 @@ fn the_floor_of_a_long_slit_bends_with_the_skin_above_it() {
     let below = |scene: &Scene| -> Vec<(f64, f64)> {
         let (_, tissue) = scene.tissues().next().unwrap();
         let made = |v: &VertexId| v.index() >= loaded;
-        let mesh = tissue.mesh();
-        let is_deep = |&v: &VertexId| mesh.fan(v).all(|h| mesh.face_info(h.face()).origin == u32::MAX);
-        let (floor, lips): (Vec<VertexId>, Vec<VertexId>) = mesh.live_vertices().filter(made).partition(is_deep);
+        let is_deep = |&v: &VertexId| common::is_deep(tissue.mesh(), v);
+        let (floor, lips): (Vec<VertexId>, Vec<VertexId>) = tissue.mesh().live_vertices().filter(made).partition(is_deep);
         let above = |p: DVec3| lips.iter().map(|&v| tissue.position(v).distance(p)).fold(f64::INFINITY, f64::min);
         floor.iter().map(|&v| (tissue.rows().rest(v).x, above(tissue.position(v)))).collect()
     };
