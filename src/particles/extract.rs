@@ -150,8 +150,12 @@ impl ParticleMap {
         let (spans, arena, anchors) = (self.influences.spans(), self.influences.arena(), &self.anchors[..]);
         for v in vertices {
             let span = spans[v.index()];
-            for e in &arena[span.start as usize..(span.start + span.len) as usize] {
-                let j = e.particle.index();
+            let row = &arena[span.start as usize..(span.start + span.len) as usize];
+            // few rows have any, so that one branch a row is foreseen
+            if !row.iter().fold(false, |any, e| any | away[e.particle.index()]) {
+                continue;
+            }
+            for j in row.iter().map(|e| e.particle.index()) {
                 if away[j] {
                     let distance = rest[anchors[j].index()].distance_squared(rest[v.index()]);
                     if distance < nearest[j].0 {

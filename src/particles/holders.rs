@@ -1,9 +1,9 @@
 //! The particle map's influences the other way round: the vertices that each particle holds, in blocks with bounds.
 
 use super::lists::Lists;
-use super::particle_map::ParticleMap;
-use crate::geometry::room::headroom;
-use crate::geometry::{ParticleId, VertexId};
+use super::particle_map::{Influence, ParticleMap};
+use crate::geometry::room::{fit, headroom};
+use crate::geometry::{ParticleId, StateHash, VertexId};
 use glam::{DVec3, Vec3A};
 
 /// Vertices a block.
@@ -14,7 +14,7 @@ const BLOCKS: usize = 8;
 const UNBOUNDED: [Vec3A; 2] = [Vec3A::INFINITY, Vec3A::NEG_INFINITY];
 
 /// Vertices by particle. A superset, which makes it cheap to keep: what a particle has once held stays listed, so undo and redo change
-/// nothing here, and who asks looks at the map too.
+/// nothing here, and who asks looks at the map too. What an undo takes back may be made again: only then is it looked for first.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Holders {
     /// What each particle holds or has held.
@@ -23,6 +23,11 @@ pub(super) struct Holders {
     bounds: Lists<[Vec3A; 2]>,
     /// Bounds of each [`BLOCKS`] blocks.
     outer: Lists<[Vec3A; 2]>,
+    /// Of each vertex whose row was noted a hash of the row and of where the vertex was, 0 of others.
+    noted: Vec<u64>,
+    /// One more than the highest vertex ever listed, and the same at the last undo or redo.
+    ends: usize,
+    ends_before: usize,
 }
 
 impl Holders {
@@ -33,7 +38,8 @@ impl Holders {
         let scale = 1023.0 / (high - low).max_element().max(f64::MIN_POSITIVE);
         let mut order: Vec<(u32, u32)> = (0..rows).map(|v| (along_curve((rest[v] - low) * scale), v as u32)).collect();
         order.sort_unstable();
-        let mut holders = Self::default();
+        // zeros that nothing has written to are no memory yet
+        let mut holders = Self { noted: vec![0; rows + headroom(rows)], ends: rows, ..Self::default() };
         let mut counts = vec![0; map.len()];
         (0..rows).flat_map(|v| map.influences.row(v)).for_each(|i| counts[i.particle.index()] += 1);
         for (j, &count) in counts.iter().enumerate() {
@@ -53,8 +59,33 @@ impl Holders {
         holders
     }
 
+    /// Notes the row of `v`, which is at `at`. What the row was before, `old`, is known. Both in order of particles; were they not,
+    /// some would be listed twice.
+    pub(super) fn note_row(&mut self, v: VertexId, at: DVec3, row: &[Influence], mut old: &[Influence]) {
+        let hash = row_hash(at, row);
+        let may_be_listed = v.index() < self.ends_before;
+        if may_be_listed && self.noted[v.index()] == hash {
+            return;
+        }
+        self.ends = self.ends.max(v.index() + 1);
+        fit(&mut self.noted, self.ends, 0);
+        self.noted[v.index()] = hash;
+        for influence in row {
+            let j = influence.particle;
+            while let [first, rest @ ..] = old
+                && first.particle < j
+            {
+                old = rest;
+            }
+            let is_known = old.first().is_some_and(|o| o.particle == j) || may_be_listed && self.lists(j, v, at);
+            if !is_known {
+                self.push(j, v, at);
+            }
+        }
+    }
+
     /// Notes that `j` holds `v`, which is at `at`.
-    pub(super) fn push(&mut self, j: ParticleId, v: VertexId, at: DVec3) {
+    fn push(&mut self, j: ParticleId, v: VertexId, at: DVec3) {
         let (j, held) = (j.index(), self.vertices.get(j.index()).len());
         for (bounds, of) in [(&mut self.bounds, BLOCK), (&mut self.outer, BLOCKS * BLOCK)] {
             if held.is_multiple_of(of) {
@@ -65,6 +96,17 @@ impl Holders {
             }
         }
         self.vertices.push(j, v);
+    }
+
+    /// To be called after an undo or a redo: what comes may be listed already.
+    pub(super) fn note_travel(&mut self) {
+        self.ends_before = self.ends;
+    }
+
+    /// Number of vertices that a particle has listed, with those listed twice.
+    #[cfg(test)]
+    pub(super) fn count(&self, j: ParticleId) -> usize {
+        self.vertices.get(j.index()).len()
     }
 
     /// True if `j` is known to hold `v`, at `at`.
@@ -143,6 +185,13 @@ impl Extend<VertexId> for VertexSet {
     }
 }
 
+fn row_hash(at: DVec3, row: &[Influence]) -> u64 {
+    let mut hash = StateHash::default();
+    at.to_array().iter().for_each(|x| hash.word(x.to_bits()));
+    row.iter().for_each(|i| hash.word(i.particle.0.into()));
+    hash.finish()
+}
+
 /// Rounded down.
 pub(super) fn below(p: DVec3) -> Vec3A {
     Vec3A::from_array(p.to_array().map(|x| (x as f32).next_down()))
@@ -163,4 +212,33 @@ fn along_curve(p: DVec3) -> u32 {
         (x | x << 2) & 0x0924_9249
     };
     spread(p.x) | spread(p.y) << 1 | spread(p.z) << 2
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_done_again_after_an_undo_is_not_listed_again() {
+        let mut holders = Holders::default();
+        let row = [3, 5].map(|j| Influence { particle: ParticleId(j), weight: 0.5 });
+        let (v, at) = (VertexId(7), DVec3::new(0.1, 0.2, 0.3));
+        let counts = |holders: &Holders| [3, 5].map(|j| holders.count(ParticleId(j)));
+        holders.note_row(v, at, &row[..1], &[]);
+        holders.note_row(v, at, &row, &row[..1]);
+        assert_eq!(counts(&holders), [1, 1]);
+        for _ in 0..3 {
+            holders.note_travel();
+            holders.note_row(v, at, &row, &[]); // the same again
+            holders.note_row(v, at, &row[1..], &[]); // another row of what is listed
+            assert_eq!(counts(&holders), [1, 1]);
+        }
+        // elsewhere it must be found there too
+        holders.note_row(v, at + 1.0, &row, &[]);
+        assert_eq!(counts(&holders), [2, 2]);
+        assert!(holders.lists(ParticleId(5), v, at + 1.0) && !holders.lists(ParticleId(4), v, at));
+        // a vertex that no undo has passed is listed without a look
+        holders.note_row(VertexId(8), at, &row, &[]);
+        assert_eq!(counts(&holders), [3, 3]);
+    }
 }

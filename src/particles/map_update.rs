@@ -550,18 +550,7 @@ impl Update<'_, '_> {
         let s = &mut *self.scratch;
         let start = s.old_entries.len();
         let old = self.map.influences.row(v.index());
-        let mut known = old;
-        for influence in row {
-            // both rows are in order; were they not, some would be noted twice
-            while let [first, rest @ ..] = known
-                && first.particle < influence.particle
-            {
-                known = rest;
-            }
-            if known.first().is_none_or(|o| o.particle != influence.particle) {
-                self.strips.places.holders.push(influence.particle, v, self.rest[v.index()]);
-            }
-        }
+        self.strips.places.holders.note_row(v, self.rest[v.index()], row, old);
         s.old_entries.extend_from_slice(old);
         s.old_rows.push((v, start..s.old_entries.len()));
         self.map.influences.set_row(v.index(), row);

@@ -22,6 +22,9 @@ pub(super) struct Places {
     pub(super) links: LinkTests,
     /// Vertices that are or once were lips of each strip.
     pub(super) lips: Lists<VertexId>,
+    /// One more than the highest strip that a lip was ever noted for, and the same at the last undo or redo.
+    strips: usize,
+    strips_before: usize,
     /// Vertices that are or once were held from beyond a particle's radius.
     pub(super) far: VertexSet,
     /// Radius of an ordinary particle, and of a wound particle, metres.
@@ -51,6 +54,16 @@ impl Places {
     }
 
     pub(super) fn note_lip(&mut self, v: VertexId, strip: usize) {
-        self.lips.push(strip, v);
+        if strip >= self.strips_before || !self.lips.get(strip).contains(&v) {
+            self.strips = self.strips.max(strip + 1);
+            self.lips.push(strip, v);
+        }
+    }
+
+    /// To be called after an undo or a redo: what comes may be noted already, and strips may be other ones.
+    pub(super) fn note_travel(&mut self) {
+        self.strips_before = self.strips;
+        self.holders.note_travel();
+        self.links.clear();
     }
 }

@@ -11,7 +11,7 @@ use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
 use crate::geometry::room::headroom;
 use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec3, Vec3A};
 use parry3d::bounding_volume::Aabb;
 use parry3d::partitioning::Bvh;
 use thiserror::Error;
@@ -352,7 +352,7 @@ impl Strips {
             lips: self.lips.apply_delta(delta.lips),
             wounds: self.wounds.apply(delta.wounds),
         };
-        self.places.links.clear();
+        self.places.note_travel();
         self.derive();
         inverse
     }
@@ -414,8 +414,10 @@ impl Strips {
             anchors.insert(j.0, at);
             let radius = radii[usize::from(map.is_wound(j))];
             let holds = |v: VertexId| map.influences.row(v.index()).iter().any(|i| i.particle == j);
-            holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |v| {
-                let is_far = rest.get(v.index()).is_some_and(|p| p.distance_squared(at) >= 0.999 * radius * radius);
+            let far_off = 0.999 * radius * radius;
+            let has_far = |low: Vec3A, high: Vec3A| (high.as_dvec3() - at).max(at - low.as_dvec3()).length_squared() >= far_off;
+            holders.visit_seen(j, DVec3::NEG_INFINITY, DVec3::INFINITY, has_far, |v| {
+                let is_far = rest.get(v.index()).is_some_and(|p| p.distance_squared(at) >= far_off);
                 if is_far && v.index() < map.influences.rows() && holds(v) {
                     far.insert(v);
                 }
@@ -426,7 +428,7 @@ impl Strips {
     /// Notes a row of influences that was written by other means than an update; `far` unless all are within their radius.
     pub(super) fn note_held(&mut self, v: VertexId, at: DVec3, row: &[Influence], far: bool) {
         if self.places.is_built {
-            row.iter().for_each(|i| self.places.holders.push(i.particle, v, at));
+            self.places.holders.note_row(v, at, row, &[]);
             self.places.far.extend(far.then_some(v));
         }
     }
