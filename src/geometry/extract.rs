@@ -166,9 +166,15 @@ impl Mesh {
         self.replace_faces(faces, &[], |_| 0, scratch);
     }
 
-    /// Removes whole components: `faces` (live, each once), and `vertices`, which are theirs alone. Opposites and links of the
-    /// dead slots stay as they are: whoever takes a slot writes them anew.
-    pub fn remove_components(&mut self, faces: &[FaceId], vertices: impl Iterator<Item = VertexId>) {
+    /// Removes whole components: `faces` (live, each once), and `vertices`, which are theirs alone; with a face of a section that
+    /// `is_whole` (known to be connected in itself) all of it goes. Opposites and links of the dead slots stay as they are:
+    /// whoever takes a slot writes them anew.
+    pub fn remove_components(
+        &mut self,
+        faces: &[FaceId],
+        vertices: impl Iterator<Item = VertexId>,
+        is_whole: impl Fn(SectionId) -> bool,
+    ) {
         self.faces.update(faces.iter().map(|f| f.index()), |_| [VertexId::NONE; 3]);
         debug_assert!(faces.iter().all(|f| {
             let across = self.opposite[f.index()].into_iter().filter(|h| h.is_some());
@@ -177,12 +183,21 @@ impl Mesh {
         self.face_wedges.update(faces.iter().map(|f| f.index()), |wedges| [wedges[0]; 3]);
         self.free_faces.extend(faces);
         self.vertex_half_edge.update(vertices.map(VertexId::index), |_| HalfEdge::NONE);
-        self.unlink_dead(faces);
+        let is_whole: Vec<bool> = (0..self.sections()).map(|s| is_whole(SectionId::new(s))).collect();
+        self.unlink_dead(faces, &is_whole);
     }
 
-    /// Takes faces that have just died out of their sections: what is left of a list closes over each run of them.
-    fn unlink_dead(&mut self, faces: &[FaceId]) {
+    /// Takes faces that have just died out of their sections: what is left of a list closes over each run of them. Nothing is
+    /// left of those that `is_whole`.
+    fn unlink_dead(&mut self, faces: &[FaceId], is_whole: &[bool]) {
         for &f in faces {
+            let section = self.face_info[f.index()].section.index();
+            if is_whole[section] {
+                if self.section_head[section].is_some() {
+                    self.section_head.set(section, FaceId::NONE);
+                }
+                continue;
+            }
             let [prev, next] = self.section_links[f.index()];
             if prev.is_some() && !self.is_live(prev) {
                 continue; // not the first of its run
@@ -195,7 +210,7 @@ impl Mesh {
                 let [before, _] = self.section_links[prev.index()];
                 self.section_links.set(prev.index(), [before, after]);
             } else {
-                self.section_head.set(self.face_info[f.index()].section.index(), after);
+                self.section_head.set(section, after);
             }
             if after.is_some() {
                 let [_, behind] = self.section_links[after.index()];
@@ -238,7 +253,7 @@ pub(super) mod tests {
         assert_eq!(map.vertex_from[..2], [VertexId(1), VertexId(6)]);
         assert_eq!(map.section_from, [SectionId(1), SectionId(0)]);
         let mut rest = mesh.clone();
-        rest.remove_components(&second, map.vertex_from.iter().copied().filter(|v| v.0 > 5));
+        rest.remove_components(&second, map.vertex_from.iter().copied().filter(|v| v.0 > 5), |_| false);
         assert_eq!(rest.validate(), Ok(()));
         assert_eq!((rest.face_count(), rest.live_vertices().count()), (8, 6));
         let hash = |mesh: &Mesh| {

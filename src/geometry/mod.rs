@@ -33,6 +33,6 @@ pub use mesh::{FaceInfo, Mesh, MeshDelta, Wedge};
 pub use predicates::Plane;
 pub use section_graph::{Part, PartsBefore, SectionGraph};
 pub use topology::{NewFace, SplitVertex, TopologyScratch};
-pub use tracked::{Delta, Tracked, distinct};
+pub use tracked::{Delta, Distinct, Tracked};
 pub use triangulate::{NO_OPPOSITE, TriangulationOutcome, Triangulator};
 pub use turn::{Turn, cofactor};

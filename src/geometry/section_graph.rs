@@ -123,6 +123,11 @@ impl SectionGraph {
         self.stale.get(s.index()) == Some(&false)
     }
 
+    /// True if a section is known to be one component by itself.
+    pub fn is_whole(&self, s: SectionId) -> bool {
+        self.is_fresh(s) && self.facts[s.index()].whole && self.facts[s.index()].faces > 0
+    }
+
     /// Gathers the facts of all sections that have changed, calling `gathered` with each and its faces.
     pub fn refresh(&mut self, mesh: &Mesh, mut gathered: impl FnMut(SectionId, &[FaceId])) {
         self.note_edits(mesh);
@@ -138,15 +143,14 @@ impl SectionGraph {
     /// What is known of the sections that went into a mesh of their own, as whole components: those that were known to be one by
     /// themselves went as a whole.
     pub fn extract(&self, map: &Extraction) -> Self {
-        let known = |s: &SectionId| self.is_fresh(*s) && self.facts[s.index()].whole && self.facts[s.index()].faces > 0;
         let taken = |s: &SectionId| {
-            let facts = self.facts.get(s.index()).filter(|_| known(s))?;
+            let facts = self.facts.get(s.index()).filter(|_| self.is_whole(*s))?;
             let neighbours = facts.neighbours.iter().map(|n| map.section_to[n.index()]).collect();
             Some(Facts { lowest_face: map.face_to[facts.lowest_face.index()], neighbours, ..*facts })
         };
         Self {
             facts: map.section_from.iter().map(|s| taken(s).unwrap_or_default()).collect(),
-            stale: map.section_from.iter().map(|s| !known(s)).collect(),
+            stale: map.section_from.iter().map(|s| !self.is_whole(*s)).collect(),
             ..Self::default()
         }
     }
@@ -199,7 +203,8 @@ impl SectionGraph {
             facts.vertices += owned(mesh, f);
             for across in mesh.all_opposites()[f.index()].into_iter().filter(|h| h.is_some()) {
                 match self.place(across.face()) {
-                    Some(j) => parts -= usize::from(join(&mut self.parent, i as u32, j)),
+                    // each edge once, as long as there is something to join
+                    Some(j) => parts -= usize::from(parts > 1 && j < i as u32 && join(&mut self.parent, i as u32, j)),
                     None => {
                         let other = mesh.face_info(across.face()).section;
                         if !facts.neighbours.contains(&other) {
@@ -302,6 +307,13 @@ impl SectionGraph {
     pub fn totals(&self) -> (usize, u32) {
         let lowest = self.facts.iter().filter(|f| f.faces > 0).map(|f| f.lowest_origin).min();
         (self.facts.iter().map(|f| f.vertices).sum(), lowest.unwrap_or(u32::MAX))
+    }
+
+    /// The same of the components that were given back, while they are all there is.
+    pub fn kept_totals(&self) -> Option<(usize, u32)> {
+        let parts = self.kept.as_ref()?;
+        let lowest = parts.iter().map(|p| p.lowest_origin).min();
+        Some((parts.iter().map(|p| p.vertices).sum(), lowest.unwrap_or(u32::MAX)))
     }
 
     fn collect(&mut self, mesh: &Mesh) -> Vec<Part> {

@@ -5,7 +5,7 @@
 //! touched, never to the array (MATHS 7). Applying it restores the array bit for bit and returns the inverse.
 
 use super::hash::StateHash;
-use super::room::headroom;
+use super::room::{fit, headroom};
 use bytemuck::Pod;
 use std::ops::{Deref, Range};
 
@@ -211,16 +211,29 @@ impl<T: Pod> Tracked<T> {
     }
 }
 
-/// How many different numbers there are, without sorting them. `seen` is scratch.
-pub fn distinct(numbers: impl Iterator<Item = usize>, seen: &mut Vec<u64>) -> usize {
-    seen.clear();
-    for n in numbers {
-        if n / 64 >= seen.len() {
-            seen.resize((n / 64 + 1).max(2 * seen.len()), 0u64);
+/// Counts how many different numbers there are, without sorting them and in time that follows how many come.
+#[derive(Clone, Debug, Default)]
+pub struct Distinct {
+    /// A bit a number; all clear between counts.
+    bits: Vec<u64>,
+    /// Words with a bit set.
+    words: Vec<u32>,
+}
+
+impl Distinct {
+    /// Counts them.
+    pub fn count(&mut self, numbers: impl Iterator<Item = usize>) -> usize {
+        for n in numbers {
+            fit(&mut self.bits, n / 64 + 1, 0);
+            let word = &mut self.bits[n / 64];
+            if *word == 0 {
+                self.words.push((n / 64) as u32);
+            }
+            *word |= 1 << (n % 64);
         }
-        seen[n / 64] |= 1 << (n % 64);
+        let taken = |word: u32| std::mem::take(&mut self.bits[word as usize]).count_ones() as usize;
+        self.words.drain(..).map(taken).sum()
     }
-    seen.iter().map(|word| word.count_ones() as usize).sum()
 }
 
 impl<T: Copy> Delta<T> {
@@ -266,9 +279,9 @@ impl<T> Delta<T> {
         self.touched().filter(|&i| i < self.new_len)
     }
 
-    /// Bytes of the entries that differ and that there are now, each counted once. `seen` is scratch.
-    pub fn dirty_bytes(&self, seen: &mut Vec<u64>) -> usize {
-        distinct(self.written(), seen) * std::mem::size_of::<T>()
+    /// Bytes of the entries that differ and that there are now, each counted once.
+    pub fn dirty_bytes(&self, distinct: &mut Distinct) -> usize {
+        distinct.count(self.written()) * std::mem::size_of::<T>()
     }
 
     /// Heap bytes that the delta holds.
@@ -426,7 +439,7 @@ mod tests {
             let delta = array.take_delta();
             let entries: std::collections::BTreeSet<usize> = delta.touched_ranges().flatten().collect();
             let there = entries.iter().filter(|&&i| i < array.len()).count();
-            prop_assert_eq!(delta.dirty_bytes(&mut Vec::new()), there * std::mem::size_of::<u32>());
+            prop_assert_eq!(delta.dirty_bytes(&mut Distinct::default()), there * std::mem::size_of::<u32>());
             for i in 0..array.len().max(start.len()) {
                 if array.get(i) != start.get(i) {
                     prop_assert!(entries.contains(&i));

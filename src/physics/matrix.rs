@@ -153,6 +153,12 @@ impl Matrix {
         self.high = rate * (1.0 + 2.0 * reach);
     }
 
+    /// An empty matrix with room for so many rows like these.
+    pub fn room_like(&self, rows: usize) -> Self {
+        let blocks = self.blocks.len() * rows / self.heads.len().max(1);
+        Self { heads: Vec::with_capacity(rows), blocks: Vec::with_capacity(blocks), ..Self::default() }
+    }
+
     /// Appends a row with springs (`(column, spring)`); columns may be rows to come. To be closed by [`Self::set_stiffness`].
     pub fn push_row(&mut self, springs: impl Iterator<Item = (u32, f32)>) {
         self.width = None;

@@ -3,7 +3,7 @@
 //! Rows with springs come first and lone rows last. A row that changes camp is swapped across the border, which renames it in
 //! its neighbours' rows; then the changed rows are rewritten.
 
-use super::matrix::{Lanes, Matrix};
+use super::matrix::Lanes;
 use super::network::{Grab, Network, unpadded};
 use crate::geometry::ParticleId;
 
@@ -81,7 +81,7 @@ impl Network {
             |values: &[Lanes]| old_rows.iter().map(|row| values.get(*row as usize).copied().unwrap_or_default()).collect();
         let mass = |row: &u32| self.masses.get(*row as usize).copied().unwrap_or(1.0);
         let masses: Vec<f64> = old_rows.iter().map(mass).collect();
-        let mut matrix = Matrix::default();
+        let mut matrix = self.matrix.room_like(n);
         for (at, new) in order.iter().enumerate() {
             let springs = row(*new as usize).into_iter().filter(|spring| sound(*new, spring));
             matrix.push_row(springs.map(|(other, weight)| {

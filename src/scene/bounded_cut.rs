@@ -1,6 +1,6 @@
 //! The bounded plane cut over the whole scene: only the part of the plane that the blade swept.
 
-use super::edit::{Before, in_frame, note_delta};
+use super::edit::{Before, in_frame, note_delta, upload_bytes};
 use super::history::Unit;
 use super::report::{EditReport, Outcome};
 use super::{Scene, TissueId};
@@ -33,7 +33,7 @@ impl Scene {
             report.max_plane_distance = Some(off.fold(report.max_plane_distance.unwrap_or(0.0), f64::max));
             let mut deltas = Vec::new();
             note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas);
-            report.bytes_uploaded += deltas.iter().map(|d| d.upload_bytes(&mut Vec::new())).sum::<usize>();
+            report.bytes_uploaded += if self.measuring { upload_bytes(&deltas) } else { 0 };
             let severed = report.stages.time("components", || before.new_components(tissue));
             let made = self.separate(id, severed, deltas, &mut unit, &mut report);
             let side = |scene: &Self, id: TissueId| match scene.tissues.get(&id) {

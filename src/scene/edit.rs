@@ -4,7 +4,7 @@ use super::changes::Changes;
 use super::history::{Change, Unit};
 use super::report::{EditReport, Outcome, PieceReport};
 use super::{Scene, TissueId};
-use crate::geometry::{FaceId, Part, PartsBefore, Plane};
+use crate::geometry::{Distinct, FaceId, Part, PartsBefore, Plane};
 use crate::physics::{RigidPose, RigidShape};
 use crate::surgery::BladePose;
 use crate::surgery::cap::CapOutcome;
@@ -108,25 +108,26 @@ pub(super) struct StrokeOf {
     rest: TissueDelta,
     /// Bytes that a mirror had to follow.
     bytes: usize,
-    seen: Vec<u64>,
+    distinct: Distinct,
 }
 
 impl StrokeOf {
     fn new(id: TissueId, before: Before, stroke: TearStroke) -> Self {
-        Self { id, stroke, before, undo: TissueDelta::default(), rest: TissueDelta::default(), bytes: 0, seen: Vec::new() }
+        let [undo, rest] = Default::default();
+        Self { id, stroke, before, undo, rest, bytes: 0, distinct: Distinct::default() }
     }
 
     /// Notes what has changed since the last call, and tells those who keep a mirror.
     fn note_changes(&mut self, tissue: &mut Tissue, changes: &mut Changes) {
-        let Self { id, stroke, undo, rest, bytes, seen, .. } = self;
+        let Self { id, stroke, undo, rest, bytes, distinct, .. } = self;
         tissue.take_delta_into(rest);
         let mut note = |delta: &mut TissueDelta| {
-            *bytes += delta.upload_bytes(seen);
             undo.append(delta);
             changes.take_over(*id, delta);
         };
-        stroke.drain_deltas(&mut note);
+        *bytes += stroke.drain_deltas(&mut note);
         if !rest.is_empty() {
+            *bytes += rest.upload_bytes(distinct);
             note(rest);
         }
     }
@@ -139,6 +140,12 @@ pub(super) fn note_delta(changes: &mut Changes, id: TissueId, delta: TissueDelta
         changes.share(id, &delta);
         deltas.push(delta);
     }
+}
+
+/// Bytes that a mirror needs to follow.
+pub(super) fn upload_bytes(deltas: &[Arc<TissueDelta>]) -> usize {
+    let mut distinct = Distinct::default();
+    deltas.iter().map(|delta| delta.upload_bytes(&mut distinct)).sum()
 }
 
 impl Scene {
@@ -195,8 +202,12 @@ impl Scene {
 
     /// Area and volume of everything as it is now, into a report.
     pub(super) fn measure_before(&mut self, report: &mut EditReport) {
+        if !self.measuring {
+            (report.area_before, report.volume_before) = (f64::NAN, f64::NAN);
+            return;
+        }
         for tissue in self.tissues.values_mut() {
-            let measured = tissue.sums_if(self.measuring).measures;
+            let measured = tissue.sums().measures;
             report.area_before += measured.area;
             report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
         }
@@ -285,7 +296,7 @@ impl Scene {
         for id in self.tissues.keys().copied().collect::<Vec<_>>() {
             let Some(tissue) = self.tissues.get_mut(&id) else { continue };
             let local = in_frame(plane, &tissue.frame());
-            let measured = report.measuring.time("before", || tissue.sums_if(self.measuring).measures);
+            let measured = report.measuring.time("before", || tissue.sums_before(self.measuring).measures);
             report.area_before += measured.area;
             report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
             let promoted = tissue.promoted_vertices();
@@ -313,17 +324,20 @@ impl Scene {
             let measuring = self.measuring;
             let mut known: Vec<_> = report.measuring.time("pieces", || {
                 let measured = |part: &Part| measuring.then(|| tissue.measure_part(part));
-                parts.iter().map(|part| (measured(part), tissue.side_of_part(part, &local))).collect()
+                let counts = |part: &Part| (part.vertices, part.lowest_origin);
+                parts.iter().map(|part| (measured(part), counts(part), tissue.side_of_part(part, &local))).collect()
             });
             let largest = (0..parts.len()).max_by_key(|&c| (parts[c].faces, std::cmp::Reverse(c))).unwrap_or(0);
             parts.remove(largest);
             let stays = known.remove(largest);
             let faces = report.stages.time("components", || parts.iter().map(|p| p.sorted_faces(tissue.mesh())).collect());
             let made = self.separate(id, faces, Vec::new(), &mut unit, &mut report);
-            for (id, (sums, side)) in std::iter::once(id).chain(made).zip(std::iter::once(stays).chain(known)) {
+            for (id, (sums, counts, side)) in std::iter::once(id).chain(made).zip(std::iter::once(stays).chain(known)) {
                 sides.push((id, side));
-                if let (Some(tissue), Some(sums)) = (self.tissues.get_mut(&id), sums) {
-                    tissue.adopt_sums(sums);
+                match (self.tissues.get_mut(&id), sums) {
+                    (Some(tissue), Some(sums)) => tissue.adopt_sums(sums),
+                    (Some(tissue), None) => tissue.adopt_counts(counts.0, counts.1),
+                    (None, _) => {}
                 }
             }
         }
@@ -347,10 +361,11 @@ impl Scene {
         let known = deltas.len();
         let pieces = report.stages.time("pieces", || tissue.sever(&parts));
         report.stages.time("history", || note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas));
-        report.bytes_uploaded += report.measuring.time("bytes", || {
-            let edited = deltas[known..].iter().map(|d| d.upload_bytes(&mut Vec::new())).sum::<usize>();
-            edited + pieces.iter().map(Tissue::full_upload_bytes).sum::<usize>()
-        });
+        if self.measuring {
+            report.bytes_uploaded += report
+                .measuring
+                .time("bytes", || upload_bytes(&deltas[known..]) + pieces.iter().map(Tissue::full_upload_bytes).sum::<usize>());
+        }
         unit.changes.push(Change::Edited(id, deltas));
         for piece in pieces {
             let new = TissueId(self.next_id);
@@ -434,7 +449,7 @@ pub(super) fn in_frame(plane: &Plane, frame: &RigidPose) -> Plane {
 
 impl Before {
     pub(super) fn of(tissue: &mut Tissue, measuring: bool) -> Self {
-        let m = tissue.sums_if(measuring).measures;
+        let m = tissue.sums_before(measuring).measures;
         let parts = tissue.parts_before();
         Self { area: m.area, volume: m.volume_about(tissue.to_tissue(DVec3::ZERO)), parts }
     }

@@ -122,7 +122,7 @@ impl Scene {
 
     /// Whether reports tell areas, volumes and open edges, which needs a look at every face that has moved since the last report:
     /// in a model that beats, at all. They do until told otherwise; a frame that waits for its edits has no time for it. Without,
-    /// areas and volumes are NaN and pieces count as open, with no edges.
+    /// areas and volumes are NaN, pieces count as open, with no edges, and bytes are those of tears alone.
     pub fn set_measuring(&mut self, measuring: bool) {
         self.measuring = measuring;
     }

@@ -1,23 +1,23 @@
 //! Going back and forth between the states of a tissue (MATHS 7), and checking them.
 
 use super::{Tissue, TissueDelta};
-use crate::geometry::{Plane, VertexId, distinct};
+use crate::geometry::{Distinct, Plane, VertexId};
 use glam::DVec3;
 use std::sync::Arc;
 
 impl TissueDelta {
-    /// Bytes that a GPU mirror needs to follow: the records of what differs, each once. `seen` is scratch.
-    pub fn upload_bytes(&self, seen: &mut Vec<u64>) -> usize {
+    /// Bytes that a GPU mirror needs to follow: the records of what differs, each once.
+    pub fn upload_bytes(&self, distinct: &mut Distinct) -> usize {
         let Self { mesh, rows, map, .. } = self;
         let spans = rows.rows.spans.written().chain(rows.bones.spans.written()).chain(map.influences.spans.written());
-        let vertices = distinct(mesh.vertex_half_edge.written().chain(rows.rest_position.written()).chain(spans), seen);
-        let faces = distinct(mesh.face_wedges.written().chain(mesh.opposite.written()).chain(mesh.face_info.written()), seen);
+        let vertices = distinct.count(mesh.vertex_half_edge.written().chain(rows.rest_position.written()).chain(spans));
+        let faces = distinct.count(mesh.face_wedges.written().chain(mesh.opposite.written()).chain(mesh.face_info.written()));
         vertices * VERTEX_BYTES
             + faces * FACE_BYTES
-            + mesh.wedges.dirty_bytes(seen)
-            + rows.rows.entries.dirty_bytes(seen) / 2 // weights travel as f32
-            + rows.bones.entries.dirty_bytes(seen)
-            + map.influences.entries.dirty_bytes(seen)
+            + mesh.wedges.dirty_bytes(distinct)
+            + rows.rows.entries.dirty_bytes(distinct) / 2 // weights travel as f32
+            + rows.bones.entries.dirty_bytes(distinct)
+            + map.influences.entries.dirty_bytes(distinct)
     }
 
     /// Adds what the next edit changed.

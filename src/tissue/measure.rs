@@ -27,9 +27,16 @@ pub(super) struct Tally {
     key: Option<[u64; 3]>,
     /// The whole tissue, and what its final positions hung on.
     whole: Option<([u64; 3], Sums)>,
+    /// Number of vertices and lowest loaded face, where an edit has told.
+    counts: Option<(usize, u32)>,
 }
 
 impl Tally {
+    /// True if a section is known to be one component by itself: it goes or stays as a whole.
+    pub(super) fn is_whole(&self, s: SectionId) -> bool {
+        self.graph.is_whole(s)
+    }
+
     /// What is known of a piece that has become a tissue; its sections have the sums they had here, if those hold at `key`.
     pub(super) fn extract(&self, map: &Extraction, key: [u64; 3]) -> Self {
         let sums = |s: &SectionId| self.sections.get(s.index()).copied().unwrap_or((Measures::EMPTY, 0));
@@ -82,14 +89,14 @@ impl Tissue {
     /// To be called before a delta is taken.
     pub(super) fn note_edits(&mut self) {
         if self.tally.graph.note_edits(&self.mesh) {
-            self.tally.whole = None;
+            (self.tally.whole, self.tally.counts) = (None, None);
         }
     }
 
     /// To be called after going back or forth by a delta.
     pub(super) fn note_travel(&mut self, inverse: &crate::geometry::MeshDelta) {
         self.tally.graph.note_delta(&self.mesh, inverse);
-        self.tally.whole = None;
+        (self.tally.whole, self.tally.counts) = (None, None);
     }
 
     /// Brings the sums of all sections to what they are now.
@@ -154,12 +161,35 @@ impl Tissue {
             return self.sums();
         }
         self.note_edits();
+        let counts = self.tally.counts.or_else(|| self.tally.graph.kept_totals());
+        let (vertices, lowest_origin) = counts.unwrap_or_else(|| {
+            self.refresh_facts();
+            self.tally.graph.totals()
+        });
+        debug_assert_eq!(vertices, self.mesh.live_vertices().count());
+        let measures = Measures { faces: self.mesh.face_count(), area: f64::NAN, volume: f64::NAN, ..Measures::EMPTY };
+        Sums { measures, vertices, lowest_origin }
+    }
+
+    /// [`Tissue::sums_if`] before an edit, which is to find the facts of all sections as they are.
+    pub(crate) fn sums_before(&mut self, measuring: bool) -> Sums {
+        if !measuring {
+            self.refresh_facts();
+        }
+        self.sums_if(measuring)
+    }
+
+    fn refresh_facts(&mut self) {
+        self.note_edits();
         let Tally { graph, key, .. } = &mut self.tally;
         // the sums of these sections do not follow
         graph.refresh(&self.mesh, |_, _| *key = None);
-        let (vertices, lowest_origin) = graph.totals();
-        let measures = Measures { faces: self.mesh.face_count(), area: f64::NAN, volume: f64::NAN, ..Measures::EMPTY };
-        Sums { measures, vertices, lowest_origin }
+    }
+
+    /// Tells what [`Tissue::sums_if`] would count, from a part that has become this tissue.
+    pub(crate) fn adopt_counts(&mut self, vertices: usize, lowest_origin: u32) {
+        self.note_edits();
+        self.tally.counts = Some((vertices, lowest_origin));
     }
 
     /// The components that there are now, to tell what parts of later on were parts of.
@@ -175,11 +205,13 @@ impl Tissue {
     fn are_right(&self, sums: &Sums, tolerance: f64) -> bool {
         let (known, new) = (sums.measures, self.measure_all());
         let counts = |m: &Measures| [m.faces, m.boundary_edges, m.non_manifold_edges];
-        let near = |a: f64, b: f64, scale: f64| (a - b).abs() <= tolerance * scale.max(f64::MIN_POSITIVE);
         let reach = new.max.abs().max(new.min.abs()).max_element();
+        // a needle's area and volume may be less than what rounding makes of products of its corners
+        let rounding = 1e-15 * new.faces as f64 * reach * reach;
+        let near = |a: f64, b: f64, lever: f64| (a - b).abs() <= (tolerance * new.area + rounding) * lever;
         counts(&known) == counts(&new)
-            && near(known.area, new.area, new.area)
-            && near(known.volume, new.volume, new.area * reach)
+            && near(known.area, new.area, 1.0)
+            && near(known.volume, new.volume, reach)
             && sums.vertices == self.mesh.live_vertices().count()
     }
 

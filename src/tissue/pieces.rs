@@ -4,7 +4,7 @@
 //! bounds, and the particles' matrix is cut out of the parent's.
 
 use super::{SoftLayer, Tissue};
-use crate::geometry::{Components, Extraction, FaceId, ParticleId, VertexId};
+use crate::geometry::{Components, Extraction, FaceId, ParticleId, SectionId, VertexId};
 use crate::particles::{Influence, ParticleMap, RowBefore};
 use crate::rig::{Fades, RowEntry, VertexRows};
 use glam::DVec3;
@@ -38,7 +38,8 @@ impl Tissue {
             let first = gone.len();
             gone.reserve(map.vertex_from.len());
             gone.extend(piece.mesh.live_vertices().map(|v| map.vertex_from[v.index()]));
-            self.mesh.remove_components(faces, gone[first..].iter().copied());
+            let is_whole = |s: SectionId| self.tally.is_whole(s);
+            self.mesh.remove_components(faces, gone[first..].iter().copied(), is_whole);
             pieces.push(piece);
         }
         self.scratch.extraction = map;
@@ -63,7 +64,7 @@ impl Tissue {
                 gone.extend(faces.iter().flat_map(|&f| self.mesh.face(f)));
                 gone[first..].sort_unstable();
                 gone.dedup();
-                self.mesh.remove_components(faces, gone[first..].iter().copied());
+                self.mesh.remove_components(faces, gone[first..].iter().copied(), |_| false);
             }
             !is_crumb
         });

@@ -8,7 +8,7 @@ mod slit_stroke;
 use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
 use crate::diagnostics::Stages;
-use crate::geometry::{FaceId, VertexId};
+use crate::geometry::{Distinct, FaceId, VertexId};
 use crate::particles::{LipVertex, release_slit};
 use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
 use crate::surgery::tear_walls::WallSpec;
@@ -126,7 +126,9 @@ pub struct TearStroke {
     deltas: Vec<TissueDelta>,
     /// Deltas that have been handed over, for their room.
     spare_deltas: Vec<TissueDelta>,
-    seen: Vec<u64>,
+    /// What `deltas` need on the GPU.
+    bytes_changed: usize,
+    distinct: Distinct,
     planes: BoxPlanes,
     tags: Vec<OnPlanes>,
     /// Faces that the last box put in, sorted.
@@ -161,7 +163,8 @@ impl TearStroke {
             ties: Vec::new(),
             deltas: Vec::new(),
             spare_deltas: Vec::new(),
-            seen: Vec::new(),
+            bytes_changed: 0,
+            distinct: Distinct::default(),
             planes: BoxPlanes::default(),
             tags: Vec::new(),
             made: Vec::new(),
@@ -279,19 +282,22 @@ impl TearStroke {
         ties.truncate(kept);
     }
 
-    /// Hands over what the boxes have changed since the last call, oldest first. The room that `each` leaves is used again.
-    pub fn drain_deltas(&mut self, mut each: impl FnMut(&mut TissueDelta)) {
+    /// Hands over what the boxes have changed since the last call, oldest first, and returns how many bytes a GPU mirror needs to
+    /// follow. The room that `each` leaves is used again.
+    pub fn drain_deltas(&mut self, mut each: impl FnMut(&mut TissueDelta)) -> usize {
         for mut delta in self.deltas.drain(..) {
             each(&mut delta);
             self.spare_deltas.push(delta);
         }
+        std::mem::take(&mut self.bytes_changed)
     }
 
     /// Closes the notes of a box.
     fn close_notes(&mut self, tissue: &mut Tissue, report: &mut SegmentReport) {
         let mut delta = self.spare_deltas.pop().unwrap_or_default();
         report.stages.time("update_mesh", || tissue.take_delta_into(&mut delta));
-        report.bytes_changed = delta.upload_bytes(&mut self.seen);
+        report.bytes_changed = delta.upload_bytes(&mut self.distinct);
+        self.bytes_changed += report.bytes_changed;
         self.deltas.push(delta);
     }
 
