@@ -31,22 +31,34 @@ pub(super) struct LinkTests {
 /// The vertex whose link was tested last, which is mostly the next one's too.
 #[derive(Clone, Debug, Default)]
 struct Lip {
-    vertex: VertexId,
+    of: VertexKey,
     /// Strips that it may know its side of, with its outcodes; 0 where a known side stands against geometry.
     around: Vec<(u32, u16)>,
-    /// Number of strips and of its lip sides when that was worked out.
-    seen: [usize; 2],
+}
+
+/// What everything that is worked out of one vertex hangs on: the vertex, and the numbers of all strips and of its lip sides.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct VertexKey {
+    vertex: VertexId,
+    strips: usize,
+    sides: usize,
+}
+
+impl VertexKey {
+    /// Makes it that of `v` now; true if it was.
+    fn renew(&mut self, strips: &Strips, v: VertexId) -> bool {
+        let now = Self { vertex: v, strips: strips.len(), sides: strips.lip_sides(v).len() };
+        std::mem::replace(self, now) == now
+    }
 }
 
 impl Lip {
     fn look(&mut self, strips: &Strips, rest: &[DVec3], v: VertexId) {
-        let sides = strips.lip_sides(v);
-        if (self.vertex, self.seen) == (v, [strips.len(), sides.len()]) {
+        if self.of.renew(strips, v) {
             return;
         }
-        (self.vertex, self.seen) = (v, [strips.len(), sides.len()]);
         self.around.clear();
-        for lip in sides {
+        for lip in strips.lip_sides(v) {
             for k in lip.strip.saturating_sub(1)..(strips.len() as u32).min(lip.strip + 2) {
                 if self.around.iter().all(|a| a.0 != k) {
                     self.around.push((k, strips.code_of(k as usize, rest, v)));
@@ -122,24 +134,20 @@ impl Sights {
 /// How a vertex that was looked at last lies to the strips that it knows its side of: its next link asks again.
 #[derive(Clone, Debug, Default)]
 struct LipViews {
-    vertex: VertexId,
-    /// Number of strips and of its lip sides when they were worked out.
-    seen: [usize; 2],
+    of: VertexKey,
     views: Vec<(usize, LipView)>,
 }
 
 impl LipViews {
     fn look(&mut self, strips: &Strips, v: VertexId) {
-        let now = (v, [strips.len(), strips.lip_sides(v).len()]);
-        if (self.vertex, self.seen) != now {
-            (self.vertex, self.seen) = now;
+        if !self.of.renew(strips, v) {
             self.views.clear();
         }
     }
 
-    fn of(&mut self, strip: &StripGeometry, rest: &[DVec3], k: usize, known: KnownSide) -> &LipView {
+    fn view(&mut self, strip: &StripGeometry, rest: &[DVec3], k: usize, known: KnownSide) -> &LipView {
         let at = self.views.iter().position(|view| view.0 == k).unwrap_or_else(|| {
-            self.views.push((k, strip.view_of_lip(rest[self.vertex.index()], known)));
+            self.views.push((k, strip.view_of_lip(rest[self.of.vertex.index()], known)));
             self.views.len() - 1
         });
         &self.views[at].1
@@ -165,14 +173,10 @@ impl LinkUnderTest<'_> {
 
     /// [`Strips::crosses`].
     fn crosses(&mut self, k: u32) -> bool {
-        let (k, [a, p]) = (k as usize, self.ends());
-        let strip = self.strips.geometry(k);
-        match [self.anchor, self.v].map(|end| self.strips.known_side(k, end)) {
-            [None, None] => strip.crosses(a, p),
-            [Some(x), Some(y)] => x.side != y.side,
-            [Some(known), None] => strip.lip_crosses(self.views[0].of(strip, self.rest, k, known), p),
-            [None, Some(known)] => strip.lip_crosses(self.views[1].of(strip, self.rest, k, known), a),
-        }
+        let k = k as usize;
+        let (strip, rest, views) = (self.strips.geometry(k), self.rest, &mut *self.views);
+        let ends = [self.anchor, self.v].map(|end| self.strips.link_end(k, rest, end));
+        strip.crosses_viewed(ends, |end, known| views[end].view(strip, rest, k, known))
     }
 
     /// The same with the outcodes of both ends. Where geometry says of both what is known of them, it settles most.
@@ -287,9 +291,9 @@ impl LinkTests {
         let anchor = map.anchors[j.index()];
         let ends = [anchor, v];
         self.views.iter_mut().zip(ends).for_each(|(views, end)| views.look(strips, end));
-        let is_lip = !strips.lip_sides(anchor).is_empty();
-        let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip, views: &mut self.views };
-        let connects = self.particles[j.index()].connects(&mut link, self.lists.of(j), radius, &around);
+        let near = &mut self.particles[j.index()];
+        let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip: near.lips > 0, views: &mut self.views };
+        let connects = near.connects(&mut link, self.lists.of(j), radius, &around);
         self.lip.around = around;
         connects
     }

@@ -2,6 +2,7 @@
 
 use glam::{DVec3, Vec3A, Vec4};
 use robust::{Coord3D, orient3d};
+use std::borrow::Borrow;
 
 /// A strip as it is tested: extended by `d` above the base and `d / 4` below the tip, cut along a fixed diagonal.
 #[derive(Clone, Debug)]
@@ -239,12 +240,21 @@ impl StripGeometry {
     }
 
     /// [`Self::crosses`] for ends that may know their side.
-    pub fn crosses_link(&self, a: LinkEnd, b: LinkEnd) -> bool {
-        match (a.side, b.side) {
-            (None, None) => self.crosses(a.at, b.at),
-            (Some(x), Some(y)) => x.side != y.side,
-            (Some(known), None) => self.lip_crosses(&self.view_of_lip(a.at, known), b.at),
-            (None, Some(known)) => self.lip_crosses(&self.view_of_lip(b.at, known), a.at),
+    pub fn crosses_link(&self, ends: [LinkEnd; 2]) -> bool {
+        self.crosses_viewed(ends, |end, known| self.view_of_lip(ends[end].at, known))
+    }
+
+    /// The same for a caller who may know how an end lies to the strip: `view` tells, [`StripGeometry::view_of_lip`] if asked first.
+    pub(super) fn crosses_viewed<V: Borrow<LipView>>(
+        &self,
+        ends: [LinkEnd; 2],
+        view: impl FnOnce(usize, KnownSide) -> V,
+    ) -> bool {
+        match ends.map(|end| end.side) {
+            [None, None] => self.crosses(ends[0].at, ends[1].at),
+            [Some(x), Some(y)] => x.side != y.side,
+            [Some(known), None] => self.lip_crosses(view(0, known).borrow(), ends[1].at),
+            [None, Some(known)] => self.lip_crosses(view(1, known).borrow(), ends[0].at),
         }
     }
 
@@ -385,11 +395,11 @@ mod tests {
         // a bend of the slit has left the lip on the other side of this strip's plane
         let lip = |x: f64| LinkEnd { at: DVec3::new(x, -0.01, -0.5), side: Some(KnownSide { side: -1, own: false }) };
         // the line through both goes on to the strip, the link does not
-        assert!(!strip.crosses_link(lip(-0.9), point(DVec3::new(-0.6, -0.008, -0.5))));
-        assert!(!strip.crosses_link(point(DVec3::new(-1.2, -0.012, -0.5)), lip(-0.9)));
+        assert!(!strip.crosses_link([lip(-0.9), point(DVec3::new(-0.6, -0.008, -0.5))]));
+        assert!(!strip.crosses_link([point(DVec3::new(-1.2, -0.012, -0.5)), lip(-0.9)]));
         // at the joint it is known still
-        assert!(strip.crosses_link(lip(0.001), point(DVec3::new(0.1, -0.2, -0.5))));
-        assert!(!strip.crosses_link(lip(0.001), point(DVec3::new(0.1, 0.2, -0.5))));
+        assert!(strip.crosses_link([lip(0.001), point(DVec3::new(0.1, -0.2, -0.5))]));
+        assert!(!strip.crosses_link([lip(0.001), point(DVec3::new(0.1, 0.2, -0.5))]));
     }
 
     fn point(at: DVec3) -> LinkEnd {
@@ -426,10 +436,10 @@ mod tests {
         for y in [0.0, 1e-4, -1e-4, 1e-17] {
             let at = DVec3::new(0.5, y, -0.25);
             for (side, same, other) in [(1, -0.1, 0.1), (-1, 0.1, -0.1)] {
-                assert!(!strip.crosses_link(lip(at, side), point(DVec3::new(0.6, same, -0.2))), "{y} {side}");
-                assert!(strip.crosses_link(lip(at, side), point(DVec3::new(0.6, other, -0.2))), "{y} {side}");
-                assert!(!strip.crosses_link(lip(at, side), lip(at, side)));
-                assert!(strip.crosses_link(lip(at, side), lip(at, -side)));
+                assert!(!strip.crosses_link([lip(at, side), point(DVec3::new(0.6, same, -0.2))]), "{y} {side}");
+                assert!(strip.crosses_link([lip(at, side), point(DVec3::new(0.6, other, -0.2))]), "{y} {side}");
+                assert!(!strip.crosses_link([lip(at, side), lip(at, side)]));
+                assert!(strip.crosses_link([lip(at, side), lip(at, -side)]));
             }
         }
         let wrong = DVec3::new(0.5, 1e-4, -0.25);
@@ -440,8 +450,8 @@ mod tests {
     fn a_lip_reaches_around_the_end_of_a_slit() {
         let strip = strip(0.4);
         let side = lip(DVec3::new(0.99, -0.05, -0.25), 1);
-        assert!(!strip.crosses_link(side, point(DVec3::new(1.2, 0.05, -0.25))));
-        assert!(strip.crosses_link(side, point(DVec3::new(0.9, 0.05, -0.25))));
+        assert!(!strip.crosses_link([side, point(DVec3::new(1.2, 0.05, -0.25))]));
+        assert!(strip.crosses_link([side, point(DVec3::new(0.9, 0.05, -0.25))]));
     }
 
     #[test]

@@ -223,8 +223,12 @@ impl Strips {
 
     /// True if the link between two vertices crosses strip `k`.
     pub fn crosses(&self, k: usize, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
-        let end = |v: VertexId| LinkEnd { at: rest[v.index()], side: self.known_side(k, v) };
-        self.geometry[k].crosses_link(end(a), end(b))
+        self.geometry[k].crosses_link([a, b].map(|end| self.link_end(k, rest, end)))
+    }
+
+    /// A vertex as the end of a link that may cross strip `k`.
+    pub(super) fn link_end(&self, k: usize, rest: &[DVec3], v: VertexId) -> LinkEnd {
+        LinkEnd { at: rest[v.index()], side: self.known_side(k, v) }
     }
 
     /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.

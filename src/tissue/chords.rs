@@ -3,9 +3,9 @@
 //! out of the body near a joint, and far from its neighbours.
 
 use super::Tissue;
+use super::positions::Skins;
 use super::sections::SECTION_MARGIN;
-use crate::geometry::room::fit;
-use crate::geometry::{FaceId, SectionId, VertexId};
+use crate::geometry::{FaceId, VertexId};
 use crate::surgery::insert::NewVertex;
 use glam::DVec3;
 
@@ -31,43 +31,6 @@ struct Exit {
     corners: [(VertexId, f64); 3],
     /// False if the face is seen from outside there.
     leaves: bool,
-}
-
-/// Skinned positions of a tissue as it stands and is, each computed when first asked for: the corners of a box look along lines that are
-/// near each other.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Skins {
-    at: Vec<DVec3>,
-    /// The round in which each was computed.
-    known: Vec<u32>,
-    round: u32,
-    /// Versions of the pose and of the structure.
-    versions: [u64; 2],
-}
-
-impl Skins {
-    /// To be called before positions are asked for.
-    fn refresh(&mut self, tissue: &Tissue) {
-        let versions = [tissue.versions.pose, tissue.versions.structure];
-        if self.round == 0 || versions != self.versions {
-            if self.round == u32::MAX {
-                self.known.fill(0);
-                self.round = 0;
-            }
-            self.round += 1;
-            self.versions = versions;
-        }
-        fit(&mut self.known, tissue.rows.len(), 0);
-        fit(&mut self.at, tissue.rows.len(), DVec3::ZERO);
-    }
-
-    fn of(&mut self, tissue: &Tissue, v: VertexId) -> DVec3 {
-        if self.known[v.index()] != self.round {
-            self.at[v.index()] = tissue.pose.skin(&tissue.rows, v);
-            self.known[v.index()] = self.round;
-        }
-        self.at[v.index()]
-    }
 }
 
 impl Tissue {
@@ -112,14 +75,12 @@ impl Tissue {
         way: DVec3,
         limit: f64,
         known: impl Fn(VertexId) -> Option<VertexId>,
-        skins: &mut Skins,
+        skins: &Skins,
     ) -> Option<(f64, Hanging)> {
         let (across, inverse) = (way.any_orthonormal_pair(), way.recip());
         let mut exits = [None::<Exit>; 2];
         let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
-        let meets = |b: &(DVec3, DVec3)| line_meets_box(inverse, limit, b.0 - margin - p, b.1 + margin - p);
-        let sections = self.sections.current().iter().enumerate().filter(|(_, b)| meets(b));
-        let faces = sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)));
+        let faces = self.faces_of_sections(|_, low, high| line_meets_box(inverse, limit, low - margin - p, high + margin - p));
         for f in faces.filter(|&f| !self.mesh.face_info(f).is_interior()) {
             let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(&known) else { continue };
             let corners = [a, b, c].map(|v| skins.of(self, v) - p);

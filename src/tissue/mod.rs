@@ -182,7 +182,7 @@ struct TissueScratch {
     /// Anchors and displacements of what hands hold.
     followed: Vec<(DVec3, DVec3)>,
     turns: rotation::TurnScratch,
-    skins: chords::Skins,
+    skins: positions::Skins,
 }
 
 /// A wound this near to its full opening, as a fraction of the diagonal, has opened.

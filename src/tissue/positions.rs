@@ -1,10 +1,51 @@
-//! Final positions that a stroke asks for again and again while the tissue holds still.
+//! Positions that an edit asks for again and again while the tissue holds still.
 
 use super::Tissue;
 use crate::geometry::VertexId;
 use crate::geometry::room::fit;
 use glam::DVec3;
 use std::cell::Cell;
+
+/// Positions by vertex, each computed when first asked for and known for as long as `key` stays what it is.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rounds<K> {
+    at: Vec<Cell<DVec3>>,
+    /// The round in which each was computed.
+    known: Vec<Cell<u32>>,
+    round: u32,
+    key: K,
+}
+
+impl<K: PartialEq> Rounds<K> {
+    /// To be called before positions are asked for: forgets them if `key` is another, and makes room for vertices.
+    pub(super) fn refresh(&mut self, key: K, slots: usize) {
+        if self.round == 0 || key != self.key {
+            if self.round == u32::MAX {
+                self.known.iter().for_each(|k| k.set(0));
+                self.round = 0;
+            }
+            self.round += 1;
+            self.key = key;
+        }
+        self.grow(slots);
+    }
+
+    fn grow(&mut self, slots: usize) {
+        fit(&mut self.known, slots, Cell::new(0));
+        fit(&mut self.at, slots, Cell::new(DVec3::ZERO));
+    }
+
+    /// The position of `v`, from `compute` if it is not known. Vertices made since the last refresh are computed.
+    #[inline]
+    pub(super) fn get(&self, v: VertexId, compute: impl FnOnce() -> DVec3) -> DVec3 {
+        let Some(known) = self.known.get(v.index()) else { return compute() };
+        if known.get() != self.round {
+            self.at[v.index()].set(compute());
+            known.set(self.round);
+        }
+        self.at[v.index()].get()
+    }
+}
 
 /// What all final positions depend on together: versions of pose, displacements, rotations and fades, and the clock while vertices fade.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -16,16 +57,10 @@ struct Moment {
     time_bits: u64,
 }
 
-/// Positions as [`Tissue::position`] gives them, bit for bit, each computed when first asked for. Empties itself when the tissue
-/// moves; an edit has to say which vertices it concerned.
+/// Positions as [`Tissue::position`] gives them, bit for bit. Empties itself when the tissue moves; an edit has to say which
+/// vertices it concerned.
 #[derive(Debug, Default)]
-pub(super) struct PositionCache {
-    at: Vec<Cell<DVec3>>,
-    /// The round in which each was computed.
-    known: Vec<Cell<u32>>,
-    round: u32,
-    moment: Moment,
-}
+pub(super) struct PositionCache(Rounds<Moment>);
 
 impl PositionCache {
     fn moment(tissue: &Tissue) -> Moment {
@@ -42,51 +77,48 @@ impl PositionCache {
 
     /// Knows nothing any more.
     pub(super) fn forget(&mut self) {
-        self.moment.pose = u64::MAX;
+        self.0.key.pose = u64::MAX;
     }
 
     /// To be called before positions are asked for: forgets them if the tissue has moved, and makes room for new vertices.
     pub(super) fn refresh(&mut self, tissue: &Tissue) {
-        let moment = Self::moment(tissue);
-        if self.round == 0 || moment != self.moment {
-            if self.round == u32::MAX {
-                self.known.iter().for_each(|k| k.set(0));
-                self.round = 0;
-            }
-            self.round += 1;
-            self.moment = moment;
-        }
-        self.grow(tissue);
-    }
-
-    fn grow(&mut self, tissue: &Tissue) {
-        let slots = tissue.mesh.vertex_slots();
-        fit(&mut self.known, slots, Cell::new(0));
-        fit(&mut self.at, slots, Cell::new(DVec3::ZERO));
+        self.0.refresh(Self::moment(tissue), tissue.mesh.vertex_slots());
     }
 
     /// An edit that has just ended: `changed` vertices (removed ones may be left out) are computed anew, all others stand where they
     /// stood.
     pub(super) fn edited(&mut self, tissue: &Tissue, changed: impl Iterator<Item = VertexId>) {
-        self.grow(tissue);
-        changed.for_each(|v| self.known[v.index()].set(0));
-        self.moment = Self::moment(tissue);
+        self.0.grow(tissue.mesh.vertex_slots());
+        changed.for_each(|v| self.0.known[v.index()].set(0));
+        self.0.key = Self::moment(tissue);
     }
 
-    /// The position of `v`, from `compute` if it is not known. Vertices made since the last refresh are computed.
+    /// [`Rounds::get`].
     #[inline]
     pub(super) fn get(&self, v: VertexId, compute: impl FnOnce() -> DVec3) -> DVec3 {
-        let Some(known) = self.known.get(v.index()) else { return compute() };
-        if known.get() != self.round {
-            self.at[v.index()].set(compute());
-            known.set(self.round);
-        }
-        self.at[v.index()].get()
+        self.0.get(v, compute)
     }
 
     /// [`Tissue::position`] through the cache.
     #[inline]
     pub(super) fn of(&self, tissue: &Tissue, v: VertexId) -> DVec3 {
         self.get(v, || tissue.position(v))
+    }
+}
+
+/// Skinned positions of a tissue as it stands and is: the corners of a box look along lines that are near each other.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Skins(Rounds<[u64; 2]>);
+
+impl Skins {
+    /// To be called before positions are asked for: forgets them if the pose or the structure is another.
+    pub(super) fn refresh(&mut self, tissue: &Tissue) {
+        self.0.refresh([tissue.versions.pose, tissue.versions.structure], tissue.rows.len());
+    }
+
+    /// [`Tissue::skinned`] through the cache.
+    #[inline]
+    pub(super) fn of(&self, tissue: &Tissue, v: VertexId) -> DVec3 {
+        self.0.get(v, || tissue.skinned(v))
     }
 }

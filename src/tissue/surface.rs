@@ -16,10 +16,15 @@ impl Tissue {
     /// Faces of the sections whose widened posed bounds, low and high, satisfy `meets`.
     pub(super) fn faces_where(&self, meets: impl Fn(DVec3, DVec3) -> bool) -> impl Iterator<Item = FaceId> {
         let widen = self.widening();
-        let near = move |(s, bounds): &(usize, &(DVec3, DVec3))| {
-            let turned = self.turn_reach(*s);
-            meets(bounds.0 - widen.1 - turned, bounds.1 + widen.0 + turned)
-        };
+        self.faces_of_sections(move |s, low, high| {
+            let turned = self.turn_reach(s);
+            meets(low - widen.1 - turned, high + widen.0 + turned)
+        })
+    }
+
+    /// Faces of the sections whose number and posed bounds, low and high, satisfy `meets`: where bones alone move them.
+    pub(super) fn faces_of_sections(&self, meets: impl Fn(usize, DVec3, DVec3) -> bool) -> impl Iterator<Item = FaceId> {
+        let near = move |(s, bounds): &(usize, &(DVec3, DVec3))| meets(*s, bounds.0, bounds.1);
         let sections = self.sections.current().iter().enumerate().filter(near);
         sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)))
     }
