@@ -28,8 +28,8 @@ pub struct Cut {
     blade: Option<PathBuf>,
     /// Cut only the part of the plane that the blade swept: three or four points, convex, metres: the tip before and after,
     /// then the blade's other end after (and before). Points off the plane are dropped onto it. The cut ends inside the
-    /// model where they do, and gets no caps.
-    #[arg(long, value_name = "x,y,z,x,y,z,x,y,z[,x,y,z]", allow_hyphen_values = true, conflicts_with = "cap")]
+    /// model where they do; only one that goes right through all that it meets gets caps.
+    #[arg(long, value_name = "x,y,z,x,y,z,x,y,z[,x,y,z]", allow_hyphen_values = true)]
     bounded: Option<String>,
     /// Close the pieces with caps. Where the model is open, loops that are not closed get none; a warning says so.
     #[arg(long)]
@@ -91,7 +91,7 @@ impl Cut {
         }
         let plane = parse_plane(self.plane.as_deref().unwrap_or_default())?;
         Ok(match &self.bounded {
-            Some(text) => EditCommand::CutBounded { plane, corners: parse_bounded(text, &plane)? },
+            Some(text) => EditCommand::CutBounded { plane, corners: parse_bounded(text, &plane)?, closed: self.cap },
             None if self.cap => EditCommand::CutClosed(plane),
             None => EditCommand::Cut(plane),
         })

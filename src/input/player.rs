@@ -114,7 +114,7 @@ impl ScriptPlayer {
                 input.commands.push(match &bounded[..] {
                     [] if *cap => EditCommand::CutClosed(plane),
                     [] => EditCommand::Cut(plane),
-                    corners => EditCommand::CutBounded { plane, corners: corners.to_vec() },
+                    corners => EditCommand::CutBounded { plane, corners: corners.to_vec(), closed: *cap },
                 });
                 progress.ended = true;
             }

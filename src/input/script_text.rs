@@ -435,14 +435,11 @@ fn cut(raw: &RawAction, context: &Context) -> Checked<ActionKind> {
     let Some(points) = &raw.points else {
         return fault(flag.span(), "a bounded cut needs `points`: the corners of what the blade swept");
     };
-    if let Some(cap) = raw.cap.as_ref().filter(|c| *c.get_ref()) {
-        return fault(cap.span(), "a bounded cut ends inside the model and gets no caps");
-    }
     let onto = |p: &[f64; 3]| DVec3::from(*p) - plane.normal * (plane.normal.dot(DVec3::from(*p)) - plane.distance);
     let bounded: Vec<DVec3> = points.get_ref().iter().map(onto).collect();
     let whole = Plane::Equation { normal: plane.normal, offset: plane.distance };
     match Leaf::in_plane(whole, &bounded) {
-        Some(_) => Ok(ActionKind::Cut { plane, cap: false, bounded }),
+        Some(_) => Ok(ActionKind::Cut { plane, cap, bounded }),
         None => {
             fault(points.span(), "the points of a bounded cut have to be the corners of a convex polygon, in order around it")
         }

@@ -9,8 +9,8 @@ use glam::DVec3;
 
 impl Scene {
     /// Cuts every tissue along the part of `plane` inside the polygon `corners` (both model space). What it severs becomes a
-    /// tissue of its own; else the wound ends inside the tissue and there is one piece.
-    pub(super) fn cut_bounded(&mut self, plane: &Plane, corners: &[DVec3]) -> EditReport {
+    /// tissue of its own; else the wound ends inside the tissue and there is one piece. With `closed`, a cut right through gets caps.
+    pub(super) fn cut_bounded(&mut self, plane: &Plane, corners: &[DVec3], closed: bool) -> EditReport {
         let mut report = EditReport { kind: "cut", max_plane_distance: Some(0.0), ..EditReport::default() };
         let mut unit = Unit::default();
         let mut sides = Vec::new();
@@ -21,11 +21,12 @@ impl Scene {
             report.volume_before += before.volume;
             let local = in_frame(plane, &tissue.frame());
             let polygon: Vec<DVec3> = corners.iter().map(|&p| tissue.to_tissue(p)).collect();
-            let Some(step) = tissue.cut_bounded(&local, &polygon, &mut report.stages) else {
+            let Some((step, caps)) = tissue.cut_bounded(&local, &polygon, closed, &mut report.stages) else {
                 sides.push((id, 0));
                 continue;
             };
             report.outcome = Outcome::Cut;
+            report.caps.add(&caps);
             report.faces_visited += step.faces_visited;
             report.new_vertices += step.new_vertices.len();
             report.intersection_points += step.intersection_points;

@@ -37,6 +37,8 @@ pub enum EditCommand {
         plane: Plane,
         /// A convex triangle or quadrangle in it: the blade's tip before and after, then its other end after and before.
         corners: Vec<DVec3>,
+        /// Whether the pieces are closed, where the cut goes right through.
+        closed: bool,
     },
     /// Cuts everything along the plane that a blade means which moves through `poses`: [`Scene::plane_of_blade`]. A blade that means
     /// none cuts nothing.
@@ -171,7 +173,7 @@ impl Scene {
             EditCommand::StrokeEnd => reports.extend(self.end_stroke()),
             EditCommand::Cut(plane) => reports.push(self.cut(&plane, false)),
             EditCommand::CutClosed(plane) => reports.push(self.cut(&plane, true)),
-            EditCommand::CutBounded { plane, corners } => reports.push(self.cut_bounded(&plane, &corners)),
+            EditCommand::CutBounded { plane, corners, closed } => reports.push(self.cut_bounded(&plane, &corners, closed)),
             EditCommand::CutByBlade { poses, closed } => reports.push(match self.plane_of_blade(&poses) {
                 Some(plane) => self.cut(&plane, closed),
                 None => self.missed_cut(),

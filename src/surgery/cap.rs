@@ -65,6 +65,14 @@ struct Side {
 
 const NONE: u32 = u32::MAX;
 
+/// True if every edge of a rim is in a closed loop, on both sides: the cut goes right through all that it meets.
+pub fn closes(mesh: &Mesh, rim: &[[HalfEdge; 2]], scratch: &mut CapScratch) -> bool {
+    (0..2).all(|s| {
+        trace(mesh, rim, s, scratch);
+        scratch.sides[s].closed.iter().all(|&closed| closed)
+    })
+}
+
 /// Caps both sides of a cut. `rim` and `taken` are those of [`super::plane_cut::PlaneCutScratch`]; `position` gives final
 /// positions, `normal` the rest normal of a vertex whose normal in the pose is to be the one given.
 pub fn cap(

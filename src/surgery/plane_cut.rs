@@ -287,9 +287,15 @@ fn collect_taken(mesh: &Mesh, scratch: &mut PlaneCutScratch) {
     }
     let mut on_plane = scratch.on_plane.clone();
     on_plane.extend(scratch.split.iter().map(|s| s.vertex));
-    on_plane.sort_unstable();
-    for &v in &on_plane {
+    collect_joined(mesh, on_plane, &mut scratch.taken);
+}
+
+/// Pairs of `vertices` that the surface joins.
+pub(super) fn collect_joined(mesh: &Mesh, mut vertices: Vec<VertexId>, out: &mut Vec<[VertexId; 2]>) {
+    vertices.sort_unstable();
+    vertices.dedup();
+    for &v in &vertices {
         let around = mesh.fan(v).filter(|&h| mesh.opposite(h).is_some()).map(|h| [v, mesh.to(h)]);
-        scratch.taken.extend(around.filter(|edge| edge[0] < edge[1] && on_plane.binary_search(&edge[1]).is_ok()));
+        out.extend(around.filter(|edge| edge[0] < edge[1] && vertices.binary_search(&edge[1]).is_ok()));
     }
 }

@@ -7,6 +7,7 @@
 
 use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker, copy_marks};
 use super::leaf::{At, Leaf, Seen, along_edge, crossing, inner_weights, sign_at};
+use super::plane_cut::collect_joined;
 use super::region::{Region, RegionPoint};
 use super::tear::{LipPoint, flatten};
 use crate::geometry::room::fit;
@@ -155,6 +156,18 @@ pub fn slit_more(
 }
 
 impl SlitScratch {
+    /// Edges along which the last leaf opened the surface, as [`super::plane_cut::PlaneCutScratch::rim`]; in no order.
+    pub fn rim(&self) -> &[[HalfEdge; 2]] {
+        &self.opened
+    }
+
+    /// As [`super::plane_cut::PlaneCutScratch::taken`].
+    pub fn taken(&self, mesh: &Mesh) -> Vec<[VertexId; 2]> {
+        let mut taken = Vec::new();
+        collect_joined(mesh, self.opened.iter().flatten().flat_map(|&h| [mesh.from(h), mesh.to(h)]).collect(), &mut taken);
+        taken
+    }
+
     fn open_leaf<P: Fn(VertexId) -> DVec3>(
         &mut self,
         mesh: &mut Mesh,

@@ -4,7 +4,7 @@
 use super::walls::LONGEST_ROW;
 use super::{Posed, SoftLayer, Tissue, motions};
 use crate::diagnostics::Stages;
-use crate::geometry::{Plane, VertexId};
+use crate::geometry::{HalfEdge, Plane, VertexId};
 use crate::particles::{
     Influence, LipVertex, MapEdit, MapUpdateReport, ParticleMap, PlaneCutVertices, update_after_edit, update_after_plane_cut,
 };
@@ -27,6 +27,17 @@ pub struct CutScratch {
     pub cap: CapScratch,
 }
 
+/// Where a cut along a plane has opened the surface.
+#[derive(Clone, Copy)]
+pub(super) struct Opened<'a> {
+    /// Half-edges on the positive side, with their partners on the negative.
+    pub rim: &'a [[HalfEdge; 2]],
+    /// Pairs of rim vertices that the surface joins otherwise.
+    pub taken: &'a [[VertexId; 2]],
+    /// Vertices that the cut made, in order of their ids, without a gap.
+    pub new_vertices: &'a [NewVertex],
+}
+
 impl Tissue {
     /// [`Tissue::cut`], and closes what was opened: each closed loop of the cut gets a cap on both sides (MATHS 6).
     pub fn cut_closed(&mut self, plane: &Plane, scratch: &mut CutScratch, stages: &mut Stages) -> (PlaneCutOutcome, CapOutcome) {
@@ -34,11 +45,13 @@ impl Tissue {
         if outcome.missed() {
             return (outcome, CapOutcome::default());
         }
-        let capped = stages.time("caps", || self.cap(plane, &outcome, scratch));
+        let opened = Opened { rim: scratch.split.rim(), taken: scratch.split.taken(), new_vertices: &outcome.new_vertices };
+        let capped = stages.time("caps", || self.cap(plane, opened, &mut scratch.cap));
         (outcome, capped)
     }
 
-    fn cap(&mut self, plane: &Plane, split: &PlaneCutOutcome, scratch: &mut CutScratch) -> CapOutcome {
+    /// Caps the closed loops of what was `opened` along `plane`.
+    pub(super) fn cap(&mut self, plane: &Plane, opened: Opened<'_>, scratch: &mut CapScratch) -> CapOutcome {
         let dress = CapDress { normal: plane.normal(), material: self.cap_material() };
         let rest_normal = |tissue: &Posed<'_>, v: VertexId, normal: DVec3| {
             if tissue.pose.joint_matrices.is_empty() {
@@ -49,20 +62,19 @@ impl Tissue {
             (linear.transpose() * normal).try_normalize().unwrap_or(normal).as_vec3().to_array()
         };
         let (mesh, posed) = self.split_borrow();
-        let (rim, taken) = (scratch.split.rim(), scratch.split.taken());
-        let new = &split.new_vertices;
+        let Opened { rim, taken, new_vertices: new } = opened;
         let first_new = new.first().map_or(u32::MAX, |n| n.vertex.0);
         let position = |v: VertexId| match v.0.checked_sub(first_new) {
             Some(i) => new[i as usize].position,
             None => posed.position(v),
         };
         let normal = |v: VertexId, n: DVec3| rest_normal(&posed, v, n);
-        let outcome = cap(mesh, rim, taken, dress, position, normal, &mut scratch.cap);
+        let outcome = cap(mesh, rim, taken, dress, position, normal, scratch);
         let (positive, negative) = outcome.added_faces.split_at(outcome.positive_faces);
         for (s, faces) in [positive, negative].into_iter().enumerate() {
             if let Some(&first) = faces.first() {
                 // the cap's corners, and those of chains that got none
-                let corners: Vec<VertexId> = scratch.split.rim().iter().map(|edge| self.mesh.from(edge[s])).collect();
+                let corners: Vec<VertexId> = rim.iter().map(|edge| self.mesh.from(edge[s])).collect();
                 self.widen_section(self.mesh.face_info(first).section, corners.into_iter());
             }
         }

@@ -270,6 +270,30 @@ fn a_bounded_cut_ends_where_the_blade_did() {
 }
 
 #[test]
+fn a_bounded_cut_gets_caps_where_it_goes_right_through() {
+    let place = Place::new();
+    let volumes = |edit: &Value| list(&edit["pieces"]).iter().map(|p| number(&p["volume"])).collect::<Vec<_>>();
+    // whichever way round the blade's corners are given, it is the cut along the whole plane; the heart's chamber makes a hole
+    let corners = ["-9,0.005,-9", "9,0.005,-9", "9,0.005,9", "-9,0.005,9"];
+    let whole = place.ok_json("cut heart --plane 0.2,1,0.1,0.005 --cap --out whole");
+    for turn in [[0, 1, 2, 3], [3, 2, 1, 0]] {
+        let blade = turn.map(|k| corners[k]).join(",");
+        let edit = place.ok_json(&format!("cut heart --plane 0.2,1,0.1,0.005 --bounded={blade} --cap --out through"));
+        check_edit(&edit);
+        assert_eq!((&edit["caps"], count(&edit["caps"]["loops"])), (&whole["caps"], 4), "{edit}");
+        assert!(list(&edit["pieces"]).len() == 2 && list(&edit["pieces"]).iter().all(|p| p["closed"] == true), "{edit}");
+        close(volumes(&edit).iter().sum(), number(&edit["volume_before"]), 1e-9);
+        volumes(&edit).iter().zip(volumes(&whole)).for_each(|(&part, all)| close(part, all, 1e-9));
+    }
+    // it ends inside: a wound, and nothing closes it
+    let ran = place.run("cut beam --plane 1,0,0,0.01 --bounded 0.01,-9,0,0.01,9,0,0.01,9,9,0.01,-9,9 --cap --out part --json");
+    let edit: Value = serde_json::from_str(&ran.stdout).unwrap();
+    assert!(ran.code == 0 && ran.stderr.contains("no closed loop"), "{}", ran.stderr);
+    assert!(count(&edit["caps"]["loops"]) == 0 && count(&edit["caps"]["unclosed_edges"]) > 0, "{edit}");
+    assert!(list(&edit["pieces"]).len() == 1 && edit["pieces"][0]["closed"] == false, "{edit}");
+}
+
+#[test]
 fn a_cut_by_the_way_of_a_blade() {
     let place = Place::new();
     place.write("path.json", THROUGH_THE_BEAM);
