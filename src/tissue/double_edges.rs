@@ -6,9 +6,6 @@ use crate::geometry::topology::TopologyScratch;
 use crate::geometry::{HalfEdge, NewFace, VertexId};
 use crate::surgery::insert::{NewVertex, WedgeMaker};
 
-/// Finer than this, edges are left alone: what lies between vertices that nearly coincide would be worse. Of the diagonal.
-const SHORTEST: f64 = 1e-9;
-
 impl Tissue {
     /// Parts all but one of the edges that join a vertex of `vertices` to the same other one. Returns the vertices inserted; no
     /// vertex is moved, and no face changes its shape.
@@ -28,10 +25,11 @@ impl Tissue {
                 for i in 1..spokes.len() {
                     let [(a, first), (b, second)] = [spokes[i - 1], spokes[i]];
                     if a == b {
-                        let of_walls = |h: &HalfEdge| self.is_of_walls(*h);
-                        let which = [second, first].into_iter().find(of_walls).unwrap_or(second);
-                        made += usize::from(self.split_edge(which));
-                        break; // the fan is another now; a third edge would be seen from the other end
+                        let choice = if self.is_of_walls(second) { [second, first] } else { [first, second] };
+                        if choice.into_iter().any(|h| self.split_edge(h)) {
+                            made += 1;
+                            break; // the fan is another now; a third edge would be seen from the other end
+                        }
                     }
                 }
             }
@@ -54,7 +52,7 @@ impl Tissue {
         let (u, v) = (self.mesh.from(h), self.mesh.to(h));
         let tips = [h, back].map(|h| self.mesh.from(h.prev()));
         let [p, q] = [u, v].map(|v| self.position(v));
-        if tips[0] == tips[1] || p.distance(q) <= SHORTEST * self.diagonal() {
+        if tips[0] == tips[1] {
             return false;
         }
         let middle = self.mesh.add_vertex();

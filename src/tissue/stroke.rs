@@ -358,9 +358,10 @@ impl TearStroke {
         let mut hit =
             report.stages.time("perform_tear", || self.clip(tissue, tear_box, &mut planes, (&before, &tags), material, margin));
         let mut given_up = false;
-        if hit && self.step.corners_outside & TOP != 0 && planes.start == 0 {
-            // The joint is not where it was: what the box before has left is cut like any other surface. Where lips lie through each
-            // other even that may make no sense, and skin that stays is better than a wall in the air.
+        if hit && self.step.corners_outside & TOP != 0 {
+            // The joint is not where it was, or the box lies in an older slit but for rounding: what the box before has left is cut like
+            // any other surface. Where lips lie through each other, or planes on each other, even that may make no sense, and skin
+            // that stays is better than a wall in the air.
             tissue.step_back();
             (before, given_up) = (before.emptied(), true);
             tags.clear();
