@@ -181,6 +181,22 @@ proptest! {
     }
 }
 
+/// A piece is looked through when it is first torn; an undo then brings back what an earlier cut had taken from it.
+#[test]
+fn a_piece_knows_what_an_undo_brings_back() {
+    let cut = |normal: [f64; 3], at: [f64; 3]| Step::Cut { normal: normal.into(), at: at.into() };
+    let tear = Step::Tear {
+        from: DVec3::ZERO,
+        to: DVec3::new(0.0, 0.0, -0.22290464663475146),
+        axis: DVec3::new(0.0, 0.4611899600282001, -0.8873014261056877),
+        width: 0.0,
+        poses: 2,
+        live: false,
+    };
+    let first = cut([0.3707463916646802, 0.0, 0.9287341455269208], [-0.5901847925605302, 0.0, 0.4423962956276295]);
+    run(0, &[first, cut([0.0, 0.0, 1.0], [0.0; 3]), tear, Step::Undo, Step::Undo]).unwrap();
+}
+
 /// The checks above can fail: a tissue whose particle map was tampered with is caught, and so is a lost undo.
 #[test]
 fn tampering_is_caught() {

@@ -230,7 +230,7 @@ impl Update<'_, '_> {
         let Some((low, high)) = self.bounds() else { return false };
         let reach = self.settings.reach();
         let (mesh, map, rest) = (self.mesh, &*self.map, self.rest);
-        self.strips.prepare(rest, map, self.settings);
+        self.strips.prepare_late(rest, map, self.settings);
         let places = &self.strips.places;
         let s = &mut *self.scratch;
         s.zone = (low, high);

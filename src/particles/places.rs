@@ -11,7 +11,7 @@ use crate::geometry::{SlotCsr, VertexId};
 use glam::DVec3;
 
 /// What is where, for updates that look around a wound. All of it holds supersets. Undo and redo leave it as it is: whatever comes
-/// back was put in when it was made.
+/// back was put in when it was made. Where that may not be so, they forget that they were built.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Places {
     /// Particles by their anchor.
@@ -30,6 +30,8 @@ pub(super) struct Places {
     /// Radius of an ordinary particle, and of a wound particle, metres.
     pub(super) radii: [f64; 2],
     pub(super) is_built: bool,
+    /// Built after edits that can be taken back, as in a severed piece: what was there before them is not known.
+    pub(super) is_late: bool,
 }
 
 impl Places {
@@ -62,6 +64,7 @@ impl Places {
 
     /// To be called after an undo or a redo: what comes may be noted already, and strips may be other ones.
     pub(super) fn note_travel(&mut self) {
+        self.is_built &= !self.is_late;
         self.strips_before = self.strips;
         self.holders.note_travel();
         self.links.clear();

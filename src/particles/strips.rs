@@ -296,6 +296,14 @@ impl Strips {
         }
     }
 
+    /// The same in an update.
+    pub(super) fn prepare_late(&mut self, rest: &[DVec3], map: &ParticleMap, settings: &ParticleSettings) {
+        if !self.places.is_built {
+            self.prepare(rest, map, settings);
+            self.places.is_late = true;
+        }
+    }
+
     /// Makes room for the strips, and all that goes with them, of many strokes through this many vertices and particles.
     pub fn make_room(&mut self, vertices: usize, particles: usize) {
         self.strips.make_room();

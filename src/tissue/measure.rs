@@ -205,7 +205,7 @@ impl Tissue {
     fn are_right(&self, sums: &Sums, tolerance: f64) -> bool {
         let (known, new) = (sums.measures, self.measure_all());
         let counts = |m: &Measures| [m.faces, m.boundary_edges, m.non_manifold_edges];
-        let reach = new.max.abs().max(new.min.abs()).max_element();
+        let reach = if new.faces > 0 { new.max.abs().max(new.min.abs()).max_element() } else { 0.0 };
         // a needle's area and volume may be less than what rounding makes of products of its corners
         let rounding = 1e-15 * new.faces as f64 * reach * reach;
         let near = |a: f64, b: f64, lever: f64| (a - b).abs() <= (tolerance * new.area + rounding) * lever;
