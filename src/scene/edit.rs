@@ -310,7 +310,8 @@ impl Scene {
             report.promoted_vertices += tissue.promoted_vertices() - promoted;
             report.caps.add(&caps);
             report.faces_visited += outcome.faces_visited;
-            if outcome.missed() {
+            // between two components it goes through nothing and yet parts them
+            if outcome.missed() && !outcome.on_both_sides {
                 sides.push((id, tissue.side_of(&local)));
                 continue;
             }

@@ -30,10 +30,12 @@ pub struct PlaneCutOutcome {
     pub faces_visited: usize,
     /// Parts of split faces.
     pub added_faces: Vec<FaceId>,
+    /// Whether there are vertices strictly on both sides: if nothing was split then, components lie apart.
+    pub on_both_sides: bool,
 }
 
 impl PlaneCutOutcome {
-    /// True if the plane separated nothing.
+    /// True if the plane went through nothing.
     pub fn missed(&self) -> bool {
         self.faces_split == 0 && self.opened_edges == 0
     }
@@ -118,7 +120,8 @@ pub fn plane_cut_within(
     scratch: &mut PlaneCutScratch,
 ) -> PlaneCutOutcome {
     let mut outcome = PlaneCutOutcome { faces_visited: reach.faces.len(), ..Default::default() };
-    if !classify(mesh, plane, reach, &position, scratch) {
+    outcome.on_both_sides = classify(mesh, plane, reach, &position, scratch);
+    if !outcome.on_both_sides {
         return outcome;
     }
     scratch.rim.clear();

@@ -294,6 +294,23 @@ fn a_bounded_cut_gets_caps_where_it_goes_right_through() {
 }
 
 #[test]
+fn a_plane_between_two_parts_of_a_model_takes_them_apart() {
+    let place = Place::new();
+    let [first, second] = [0.0, 2.0].map(|x| {
+        let corners = [[x, 0.0, 0.0], [x + 1.0, 0.0, 0.0], [x, 1.0, 0.0], [x, 0.0, 1.0]];
+        corners.map(|[x, y, z]| format!("v {x} {y} {z}\n")).concat()
+    });
+    let faces = "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\nf 5 7 6\nf 5 6 8\nf 5 8 7\nf 6 7 8\n";
+    place.write("two.obj", format!("{first}{second}{faces}"));
+    for (at, outcome, sides) in [(1.5, "cut", vec!["positive", "negative"]), (3.5, "missed", vec!["negative"])] {
+        let edit = place.ok_json(&format!("cut two.obj --plane 1,0,0,{at} --cap --out halves"));
+        check_edit(&edit);
+        let found: Vec<_> = list(&edit["pieces"]).iter().map(|p| p["side"].as_str().unwrap()).collect();
+        assert_eq!((edit["outcome"].as_str(), found), (Some(outcome), sides), "{edit}");
+    }
+}
+
+#[test]
 fn a_cut_by_the_way_of_a_blade() {
     let place = Place::new();
     place.write("path.json", THROUGH_THE_BEAM);
