@@ -7,7 +7,7 @@ mod save;
 
 use crate::physics::NetworkSettings;
 use crate::surgery::{SamplingSettings, SettingError, WallMode};
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use std::path::Path;
 use thiserror::Error;
 
@@ -89,8 +89,7 @@ pub struct ParticleSettings {
 }
 
 /// A material of the soft layer.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DynamicsPreset {
     /// Natural frequency of a lone anchored particle, Hz.
     pub frequency: f64,
@@ -99,7 +98,6 @@ pub struct DynamicsPreset {
     /// Stiffness of a neighbour spring at the mean distance, in anchor stiffnesses.
     pub coupling: f64,
     /// Particles turn with their neighbourhood: large bends keep their shape.
-    #[serde(default)]
     pub rotations: bool,
 }
 
@@ -129,11 +127,47 @@ pub struct DynamicsSettings {
     /// Share of its anchor's acceleration that a particle feels, 0 to 1.
     pub inertia: f64,
     /// The soft preset.
+    #[serde(deserialize_with = "soft")]
     pub soft: DynamicsPreset,
     /// The firm preset.
+    #[serde(deserialize_with = "firm")]
     pub firm: DynamicsPreset,
     /// The sponge preset.
+    #[serde(deserialize_with = "sponge")]
     pub sponge: DynamicsPreset,
+}
+
+/// What a file says of a preset: keys left out keep their values.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GivenPreset {
+    frequency: Option<f64>,
+    damping: Option<f64>,
+    coupling: Option<f64>,
+    rotations: Option<bool>,
+}
+
+fn over<'de, D: Deserializer<'de>>(preset: NetworkSettings, given: D) -> Result<DynamicsPreset, D::Error> {
+    let GivenPreset { frequency, damping, coupling, rotations } = GivenPreset::deserialize(given)?;
+    let known = DynamicsPreset::from(preset);
+    Ok(DynamicsPreset {
+        frequency: frequency.unwrap_or(known.frequency),
+        damping: damping.unwrap_or(known.damping),
+        coupling: coupling.unwrap_or(known.coupling),
+        rotations: rotations.unwrap_or(known.rotations),
+    })
+}
+
+fn soft<'de, D: Deserializer<'de>>(given: D) -> Result<DynamicsPreset, D::Error> {
+    over(NetworkSettings::SOFT, given)
+}
+
+fn firm<'de, D: Deserializer<'de>>(given: D) -> Result<DynamicsPreset, D::Error> {
+    over(NetworkSettings::FIRM, given)
+}
+
+fn sponge<'de, D: Deserializer<'de>>(given: D) -> Result<DynamicsPreset, D::Error> {
+    over(NetworkSettings::SPONGE, given)
 }
 
 /// What becomes of severed pieces (MATHS 6).
@@ -423,5 +457,15 @@ mod tests {
         }
         assert!(matches!(Config::load(Path::new("no/such/file")), Err(ConfigError::Unreadable { .. })));
         assert!(Config::parse("[tear]\nwidth = 0.1", "x").is_ok(), "the checks let good values through");
+    }
+
+    #[test]
+    fn a_file_with_some_keys_of_a_preset_changes_only_those() {
+        let (given, known) = (Config::parse("[dynamics.sponge]\nfrequency = 5.0", "x").unwrap(), Config::default());
+        assert_eq!(given.dynamics.sponge, DynamicsPreset { frequency: 5.0, ..known.dynamics.sponge });
+        assert_eq!((given.dynamics.soft, given.dynamics.firm), (known.dynamics.soft, known.dynamics.firm));
+        let turning = Config::parse("[dynamics.firm]\nrotations = true", "x").unwrap().dynamics.firm;
+        assert_eq!(turning, DynamicsPreset { rotations: true, ..known.dynamics.firm });
+        assert!(Config::parse("[dynamics.soft]\nfrequenzy = 5.0", "x").is_err());
     }
 }

@@ -98,9 +98,9 @@ impl Cut {
     }
 
     /// Writes the pieces in the report's order; returns the largest deviation of an exported vertex, as a fraction of the
-    /// diagonal.
+    /// diagonal of all of them.
     fn write_pieces(&self, scene: &Scene, report: &EditReport) -> Result<f64, CliError> {
-        let mut deviation = 0.0f64;
+        let mut deviation_m = 0.0f64;
         for (i, piece) in report.pieces.iter().enumerate() {
             let Some(tissue) = scene.tissue(piece.tissue) else { continue };
             let name = format!("piece-{i}");
@@ -108,7 +108,7 @@ impl Cut {
             match self.format {
                 Format::Glb => {
                     let (bytes, exported) = export_glb(tissue.rig(), &[part], tissue.pose()).map_err(CliError::run)?;
-                    deviation = deviation.max(exported.deviation);
+                    deviation_m = deviation_m.max(exported.deviation_m);
                     write_file(&self.out.join(format!("{name}.glb")), &bytes)?;
                 }
                 Format::Obj => {
@@ -117,7 +117,11 @@ impl Cut {
                 }
             }
         }
-        Ok(deviation)
+        let bounds = scene.tissues().map(|(_, tissue)| (tissue.bounds(), tissue.offset()));
+        let grown = |(l, h): (DVec3, DVec3), ((low, high), at)| (l.min(low + at), h.max(high + at));
+        let (low, high) = bounds.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), grown);
+        let diagonal = (high - low).length();
+        Ok(if deviation_m > 0.0 && diagonal > 0.0 { deviation_m / diagonal } else { 0.0 })
     }
 }
 

@@ -14,6 +14,7 @@ use crate::host::headless::{HeadlessTarget, run, visible_bounds};
 use crate::input::{ActionKind, CameraPose, Script, ScriptPlayer};
 use crate::scene::{Scene, SceneSettings};
 use crate::surgery::WallMode;
+use crate::surgery::blade_path::LEAST_DISTANCE;
 use crate::tissue::Tissue;
 use clap::Args;
 use glam::DVec3;
@@ -167,6 +168,11 @@ fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, 
     network.damping_ratio = script.particles.damping.unwrap_or(network.damping_ratio);
     network.coupling = script.particles.coupling.unwrap_or(network.coupling);
     let tissue = Tissue::new(model, &settings).map_err(CliError::input)?;
+    if let Some(distance) = script.tear.sample_distance.filter(|d| *d < LEAST_DISTANCE * diagonal) {
+        return Err(in_script(format!(
+            "sample_distance = {distance} is less than {LEAST_DISTANCE} of the model's diagonal of {diagonal} m: tears would take hours"
+        )));
+    }
     let scene = SceneSettings {
         sampling: config.sampling,
         sample_distance: script.tear.sample_distance,

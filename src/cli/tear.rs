@@ -64,7 +64,7 @@ pub struct Tear {
     /// each, chain<k>_slit<i>.
     #[arg(long, value_name = "FILE.obj")]
     boxes: Option<PathBuf>,
-    /// Write the particle map after the tear, as JSON.
+    /// Write the particle map after the tear, as JSON. Of a model that was severed, that of the piece which stays.
     #[arg(long, value_name = "FILE.json")]
     map_out: Option<PathBuf>,
     /// Print one JSON object.
@@ -81,6 +81,12 @@ impl Tear {
         }
         if self.no_particles && self.map_out.is_some() {
             return Err(CliError::Input("--map-out needs particles; leave --no-particles out".into()));
+        }
+        let files = [Some(&self.out), self.boxes.as_ref(), self.map_out.as_ref()];
+        if let Some((i, file)) = files.iter().enumerate().find(|(i, file)| file.is_some() && files[..*i].contains(file)) {
+            let (option, file) =
+                (["--out", "--boxes", "--map-out"][i], file.map_or_else(Default::default, |f| f.display().to_string()));
+            return Err(CliError::Input(format!("{option} {file}: another option writes this file")));
         }
         let path = load_path(&self.path)?;
         let model = load(&self.model)?;
@@ -104,6 +110,9 @@ impl Tear {
             write_file(file, &bytes)?;
         }
         self.write_map(&scene)?;
+        if self.map_out.is_some() && report.pieces.len() > 1 {
+            tracing::warn!("--map-out: the map is that of the piece which stays; {} came off", report.pieces.len() - 1);
+        }
         if report.unclosed_edges > 0 {
             tracing::warn!("the model is open where the blade went: {} edges of the slit got no wall", report.unclosed_edges);
         }

@@ -40,6 +40,11 @@ pub(crate) fn assemble(stored: &Stored, origin: DVec3, report: &mut LoadReport) 
     let mut first = welded.first;
     split_fans(&mut mesh, &mut first);
     report.vertices_welded = first.len();
+    let is_open = || mesh.live_faces().any(|f| mesh.all_opposites()[f.index()].iter().any(|h| h.is_none()));
+    if welded.flat_faces > 0 && is_open() {
+        let text = "faces without an area are left out, and the model is open: what they closed is open now";
+        report.warnings.push(format!("{} {text}", welded.flat_faces));
+    }
     let rest = first.iter().map(|&v| (stored.positions[v as usize] - origin).as_vec3().to_array()).collect();
     let bones = SlotCsr::from_rows(first.iter().map(|&v| stored.bones(v as usize)));
     mesh.take_delta(); // loading is not an edit

@@ -210,7 +210,8 @@ impl Reader<'_> {
             self.warnings.push(format!("{} lines, points, curves or faces with fewer than 3 corners are left out", self.skipped));
         }
         if !self.unknown_materials.is_empty() {
-            self.warnings.push(format!("materials without a definition are drawn white: {}", self.unknown_materials.join(", ")));
+            self.warnings
+                .push(format!("materials without a definition are drawn as flesh: {}", self.unknown_materials.join(", ")));
         }
         drop_unused_materials(&mut self.stored.faces, &mut self.materials);
         Ok(ObjFile { stored: self.stored, materials: self.materials, warnings: self.warnings })

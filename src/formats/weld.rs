@@ -17,6 +17,8 @@ pub(crate) struct Welded {
     /// Class of each topological vertex: equal where positions coincide (and marks agree).
     pub class: Vec<u32>,
     pub degenerate_faces: usize,
+    /// Of these, such as have three corners in different places and no area.
+    pub flat_faces: usize,
     pub duplicate_faces: usize,
     /// Largest difference of one joint's weight between stored copies of a vertex.
     pub largest_weight_difference: f32,
@@ -28,7 +30,7 @@ pub(crate) fn weld(stored: &Stored) -> Welded {
     let classes = classes(stored);
     let mut sets = Sets::new(stored.positions.len());
     union_marked(stored, &classes, &mut sets);
-    let mut faces = drop_flat(stored, &classes, &mut welded.degenerate_faces);
+    let mut faces = drop_flat(stored, &classes, &mut welded);
     drop_repeats(&mut faces, &mut welded.duplicate_faces, |f| {
         let [a, b, c] = f.corners.map(|v| classes[v as usize]);
         [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or([a, b, c])
@@ -85,17 +87,19 @@ fn union_marked(stored: &Stored, classes: &[u32], sets: &mut Sets) {
 }
 
 /// Faces without repeated positions and, where the file leaves topology to us, with an area.
-fn drop_flat(stored: &Stored, classes: &[u32], dropped: &mut usize) -> Vec<StoredFace> {
-    let keep = |f: &&StoredFace| {
+fn drop_flat(stored: &Stored, classes: &[u32], welded: &mut Welded) -> Vec<StoredFace> {
+    let mut keep = |f: &&StoredFace| {
         let [a, b, c] = f.corners.map(|v| classes[v as usize]);
         if a == b || b == c || c == a {
             return false;
         }
         let [p, q, r] = f.corners.map(|v| stored.positions[v as usize]);
-        f.corners.iter().all(|&v| decided(stored, v)) || (q - p).cross(r - p) != glam::DVec3::ZERO
+        let keeps = f.corners.iter().all(|&v| decided(stored, v)) || (q - p).cross(r - p) != glam::DVec3::ZERO;
+        welded.flat_faces += usize::from(!keeps);
+        keeps
     };
-    let kept: Vec<StoredFace> = stored.faces.iter().filter(keep).copied().collect();
-    *dropped += stored.faces.len() - kept.len();
+    let kept: Vec<StoredFace> = stored.faces.iter().filter(|f| keep(f)).copied().collect();
+    welded.degenerate_faces += stored.faces.len() - kept.len();
     kept
 }
 

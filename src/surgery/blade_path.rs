@@ -223,13 +223,16 @@ pub struct SettingError {
     pub rule: &'static str,
 }
 
+/// Least sample distance, fraction of the diagonal: finer ones take hours and gigabytes.
+pub const LEAST_DISTANCE: f64 = 1e-4;
+
 impl SamplingSettings {
     /// Checks every value; the error names the key.
     pub fn validate(&self) -> Result<(), SettingError> {
         let positive = "a finite number above 0";
         let fraction = "more than 0 and at most 1";
         let rules: [(&str, f64, bool, &'static str); 8] = [
-            ("distance", self.distance, self.distance > 0.0 && self.distance <= 1.0, fraction),
+            ("distance", self.distance, (LEAST_DISTANCE..=1.0).contains(&self.distance), "from 0.0001 to 1 (of the diagonal)"),
             ("time", self.time, self.time > 0.0 && self.time.is_finite(), positive),
             ("turn_angle", self.turn_angle, self.turn_angle > 0.0 && self.turn_angle.is_finite(), positive),
             ("speed_factor", self.speed_factor, self.speed_factor > 1.0, "a number above 1 (inf turns it off)"),

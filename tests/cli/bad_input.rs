@@ -4,6 +4,14 @@ use super::files::{ACROSS_THE_BEAM, Gltf, TETRAHEDRON};
 use super::support::Place;
 
 #[test]
+fn no_file_is_written_twice() {
+    let place = Place::new();
+    place.write("path.json", ACROSS_THE_BEAM);
+    place.refused("tear beam --path path.json --width 0.01 --out t.obj --boxes t.obj", &["--boxes", "t.obj"]);
+    assert!(!place.path("t.obj").exists());
+}
+
+#[test]
 fn models_that_cannot_be_read() {
     let place = Place::new();
     let beam = include_bytes!("../../assets/models/beam.glb");
