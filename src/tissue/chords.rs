@@ -8,6 +8,7 @@ use super::sections::SECTION_MARGIN;
 use crate::geometry::{FaceId, VertexId};
 use crate::surgery::insert::NewVertex;
 use glam::DVec3;
+use std::cell::Cell;
 
 /// Ways that chords take: across each other, and in no plane that a blade is likely to move in, since corners lie in its walls.
 const WAYS: [DVec3; 3] = [
@@ -79,8 +80,10 @@ impl Tissue {
     ) -> Option<(f64, Hanging)> {
         let (across, inverse) = (way.any_orthonormal_pair(), way.recip());
         let mut exits = [None::<Exit>; 2];
+        // what lies beyond the exits that are known, back and forth, need not be looked at
+        let limits = [Cell::new(limit), Cell::new(limit)];
         let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
-        let faces = self.faces_of_sections(|_, low, high| line_meets_box(inverse, limit, low - margin - p, high + margin - p));
+        let faces = self.faces_of_sections(|_, low, high| line_meets_box(inverse, &limits, low - margin - p, high + margin - p));
         for f in faces.filter(|&f| !self.mesh.face_info(f).is_interior()) {
             let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(&known) else { continue };
             let corners = [a, b, c].map(|v| skins.of(self, v) - p);
@@ -95,6 +98,7 @@ impl Tissue {
             if end.is_none_or(|e| along.abs() < e.away) {
                 let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
                 let leaves = (normal.dot(way) > 0.0) == forth;
+                limits[usize::from(forth)].set(along.abs().min(limit));
                 *end = Some(Exit { away: along.abs(), corners: [(a, shares[0]), (b, shares[1]), (c, shares[2])], leaves });
             }
         }
@@ -110,11 +114,11 @@ impl Tissue {
     }
 }
 
-/// False only if the line through the origin misses the box as far as `limit` both ways; `inverse` has one over its direction's
-/// coordinates.
-fn line_meets_box(inverse: DVec3, limit: f64, low: DVec3, high: DVec3) -> bool {
+/// False only if the line through the origin misses the box as far as the `limits` back and forth; `inverse` has one over its
+/// direction's coordinates.
+fn line_meets_box(inverse: DVec3, limits: &[Cell<f64>; 2], low: DVec3, high: DVec3) -> bool {
     let (one, other) = (low * inverse, high * inverse);
-    one.min(other).max_element().max(-limit) <= one.max(other).min_element().min(limit)
+    one.min(other).max_element().max(-limits[0].get()) <= one.max(other).min_element().min(limits[1].get())
 }
 
 /// The corners' shares of the origin, if it lies in their triangle.

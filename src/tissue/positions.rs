@@ -106,14 +106,20 @@ impl PositionCache {
     }
 }
 
-/// Skinned positions of a tissue as it stands and is: the corners of a box look along lines that are near each other.
+/// Skinned positions of a tissue as it stands: the corners of a box look along lines that are near each other. No edit changes the
+/// row of a vertex that there was, but for undo and redo: [`Skins::forget`].
 #[derive(Clone, Debug, Default)]
-pub(super) struct Skins(Rounds<[u64; 2]>);
+pub(super) struct Skins(Rounds<u64>);
 
 impl Skins {
-    /// To be called before positions are asked for: forgets them if the pose or the structure is another.
+    /// Knows nothing any more.
+    pub(super) fn forget(&mut self) {
+        self.0.key = u64::MAX;
+    }
+
+    /// To be called before positions are asked for: forgets them if the pose is another.
     pub(super) fn refresh(&mut self, tissue: &Tissue) {
-        self.0.refresh([tissue.versions.pose, tissue.versions.structure], tissue.rows.len());
+        self.0.refresh(tissue.versions.pose, tissue.rows.len());
     }
 
     /// [`Tissue::skinned`] through the cache.
