@@ -467,13 +467,11 @@ fn live_and_offline_give_the_same_bits() {
     assert_eq!(torn(true), torn(false));
 }
 
-/// A ball with a hollow in it is two components. A blade that goes right through both joins them by walls, and what comes off is told
-/// all the same.
-#[test]
-fn what_is_severed_through_a_hollow_is_told() {
-    let (outer, inner) = (Solid::sphere(1.0, 3), Solid::sphere(0.5, 2));
+/// A unit ball with a ball-shaped hollow in it: two components.
+fn hollow_ball(at: DVec3, radius: f64) -> Scene {
+    let (outer, inner) = (Solid::sphere(1.0, 3), Solid::sphere(radius, 2));
     let mut text = String::new();
-    for p in outer.positions.iter().chain(&inner.positions) {
+    for p in outer.positions.iter().copied().chain(inner.positions.iter().map(|p| *p + at)) {
         text += &format!("v {} {} {}\n", p.x, p.y, p.z);
     }
     let first = outer.positions.len() as u32;
@@ -488,6 +486,13 @@ fn what_is_severed_through_a_hollow_is_told() {
     let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
     let mut scene = Scene::new(Tissue::new(model, &settings).unwrap(), tools);
     scene.set_wall(WallMode::Closed);
+    scene
+}
+
+/// A blade that goes right through a ball and its hollow joins both by walls, and what comes off is told all the same.
+#[test]
+fn what_is_severed_through_a_hollow_is_told() {
+    let mut scene = hollow_ball(DVec3::ZERO, 0.5);
     let pose = |i: usize| {
         let at = DVec3::new(0.2 * i as f64 - 1.2, 0.1, 0.0);
         BladePose { t: i as f64 / 90.0, tip: at - 1.3 * DVec3::Z, base: at + 1.5 * DVec3::Z }
@@ -497,4 +502,20 @@ fn what_is_severed_through_a_hollow_is_told() {
     assert!(report.pieces.len() == 2 && all_closed(&scene), "{:?}", report.pieces);
     let [a, b] = [0, 1].map(|k| report.pieces[k].volume);
     assert!(a.min(b) > 0.3 * (a + b), "{a} {b}");
+}
+
+/// A hollow that the blade does not reach goes with the piece around it, be it the smaller one.
+#[test]
+fn a_hollow_goes_with_the_piece_around_it() {
+    for (side, hollow) in [(-1.0, [1, 2]), (1.0, [2, 1])] {
+        let mut scene = hollow_ball(DVec3::new(side * 0.65, 0.0, 0.0), 0.2);
+        let pose = |i: usize| {
+            let at = DVec3::new(-0.3, 0.2 * i as f64 - 1.2, 0.0);
+            BladePose { t: i as f64 / 90.0, tip: at - 1.3 * DVec3::Z, base: at + 1.5 * DVec3::Z }
+        };
+        let report = stroke(&mut scene, 0.02, &(0..13).map(pose).collect::<Vec<_>>());
+        assert!(report.outcome == Outcome::Severed && report.pieces.len() == 2 && all_closed(&scene), "{:?}", report.pieces);
+        let parts: Vec<usize> = scene.tissues().map(|(_, tissue)| tissue.component_faces().len()).collect();
+        assert_eq!(parts, hollow, "the larger piece stays");
+    }
 }

@@ -363,6 +363,12 @@ impl SectionGraph {
 }
 
 impl Part {
+    /// Takes it out and leaves a part without faces.
+    pub fn take(&mut self) -> Self {
+        let empty = Self { sections: Vec::new(), loose: Vec::new(), faces: 0, vertices: 0, ..*self };
+        std::mem::replace(self, empty)
+    }
+
     /// Takes in another part, which is not connected to it.
     pub fn absorb(&mut self, other: Part) {
         self.faces += other.faces;

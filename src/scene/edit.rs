@@ -457,9 +457,10 @@ impl Before {
         Self { area: m.area, volume: m.volume_about(tissue.to_tissue(DVec3::ZERO)), parts }
     }
 
-    /// Components that the stroke split off: of each component there was, all parts but the largest. Faces ascending.
+    /// Components that the stroke split off: of each component there was, all parts but the largest, with the cavities inside them.
+    /// Faces ascending.
     pub(super) fn new_components(&self, tissue: &mut Tissue) -> Vec<Vec<FaceId>> {
-        let now = tissue.parts();
+        let mut now = tissue.parts();
         let mesh = tissue.mesh();
         let mut largest: BTreeMap<u32, usize> = BTreeMap::new();
         for (i, part) in now.iter().enumerate() {
@@ -469,6 +470,10 @@ impl Before {
             }
         }
         let keep: Vec<usize> = largest.into_values().collect();
+        for (cavity, around) in tissue.severed_cavities(&now, &keep) {
+            let cavity = now[cavity].take();
+            now[around].absorb(cavity);
+        }
         let left = now.iter().enumerate().filter(|(i, _)| !keep.contains(i));
         let left: Vec<_> = left.map(|(_, part)| part.sorted_faces(mesh)).collect();
         if left.is_empty() {

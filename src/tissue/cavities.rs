@@ -34,14 +34,31 @@ impl Tissue {
             .collect();
         for c in (0..parts.len()).rev() {
             if let Some(around) = around[c] {
-                let empty = Part { sections: Vec::new(), loose: Vec::new(), faces: 0, vertices: 0, ..parts[c] };
-                let cavity = std::mem::replace(&mut parts[c], empty);
+                let cavity = parts[c].take();
                 parts[around].absorb(cavity);
             }
         }
         parts.retain(|p| p.faces > 0);
         parts.sort_unstable_by_key(|p| p.lowest_face);
         parts
+    }
+
+    /// Components that are cavities of others: of a stroke's or a bounded cut's `parts` those of `kept`, as indices, that lie inside a
+    /// part which is not, each with the part around it. Parts that are open have no inside.
+    pub(crate) fn severed_cavities(&self, parts: &[Part], kept: &[usize]) -> Vec<(usize, usize)> {
+        if kept.len() < 2 || kept.len() == parts.len() {
+            return Vec::new(); // nothing but the body itself stays, or all does
+        }
+        let measured: Vec<_> = parts.iter().map(|p| self.measure_part(p).measures).collect();
+        let is_body = |&k: &usize| measured[k].closed() && measured[k].volume > 0.0;
+        let plane = Plane::Equation { normal: DVec3::new(0.36, 0.48, 0.8), offset: 0.0 };
+        let around = |&c: &usize| {
+            let from = self.position(self.mesh.face(parts[c].all_faces(&self.mesh).next()?)[0]);
+            let holds = |k: &usize| *k != c && is_body(k) && self.winding(&plane, &parts[*k], from) > 0;
+            (0..parts.len()).filter(holds).min_by(|&a, &b| measured[a].volume.total_cmp(&measured[b].volume))
+        };
+        let cavities = kept.iter().filter(|&&c| measured[c].closed() && measured[c].volume < 0.0);
+        cavities.filter_map(|c| Some((*c, around(c)?))).filter(|(_, k)| !kept.contains(k)).collect()
     }
 
     fn farthest_from(&self, plane: &Plane, part: &Part) -> DVec3 {
