@@ -133,10 +133,10 @@ fn run(model: usize, steps: &[Step]) -> Result<(), TestCaseError> {
                 let corners = vec![a, b, b + up, a + up];
                 let report = run.command(EditCommand::CutBounded { plane, corners, closed: *closed })?.pop().unwrap();
                 let after = report.pieces.iter().map(|p| p.area).sum::<f64>();
-                // caps add area, all of them or none
+                // caps add area; of several tissues some may be cut right through and others not
                 let least = if report.caps.loops > 0 { f64::NEG_INFINITY } else { -1e-6 * before };
                 prop_assert!((least..=1e-6 * before).contains(&(before - after)), "areas {before} {after}");
-                prop_assert!(report.caps.loops == 0 || *closed && report.caps.unclosed_edges == 0);
+                prop_assert!(report.caps.loops == 0 || *closed);
                 prop_assert!(report.max_plane_distance.unwrap() <= 1e-6 * run.diagonal);
                 report.outcome != Outcome::Missed
             }
