@@ -197,6 +197,22 @@ fn a_piece_knows_what_an_undo_brings_back() {
     run(0, &[first, cut([0.0, 0.0, 1.0], [0.0; 3]), tear, Step::Undo, Step::Undo]).unwrap();
 }
 
+/// A cut gives a particle another anchor, which may make its springs longer than any were: a tear looks at those too.
+#[test]
+fn a_spring_that_a_cut_has_made_long_is_cut_too() {
+    let normal = DVec3::new(-0.24898905871798774, 0.31786316370694245, 0.9148592557311447);
+    let cut = Step::Cut { normal, at: DVec3::new(0.49463033396097145, -0.12504450088392952, 0.35050399721902636) };
+    let tear = Step::Tear {
+        from: DVec3::new(0.558902124045795, -0.47097174277353615, 0.4589584470002582),
+        to: DVec3::ZERO,
+        axis: DVec3::new(0.993669609365741, 0.0, -0.11234192193004186),
+        width: 0.0,
+        poses: 2,
+        live: false,
+    };
+    run(2, &[cut, tear]).unwrap();
+}
+
 /// The checks above can fail: a tissue whose particle map was tampered with is caught, and so is a lost undo.
 #[test]
 fn tampering_is_caught() {

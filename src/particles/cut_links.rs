@@ -68,10 +68,11 @@ impl Update<'_, '_> {
 
     /// Influences of the particles near strip `k` on what is behind it; their outcodes are kept for their neighbour links.
     fn cut_behind_strip(&mut self, k: usize) {
+        let reach = self.reach();
         let Self { mesh, rest, settings, .. } = *self;
         let (map, strips, report) = (&*self.map, &*self.strips, &mut self.report);
         let UpdateScratch { rows, codes, near, zone, .. } = &mut *self.scratch;
-        let (geometry, reach) = (strips.geometry(k), settings.reach());
+        let geometry = strips.geometry(k);
         codes.begin(map.len());
         let (low, high) = *zone;
         for &j in near.iter() {

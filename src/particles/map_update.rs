@@ -228,9 +228,9 @@ impl Update<'_, '_> {
     fn find_zone(&mut self) -> bool {
         self.map.influences.grow_rows(self.mesh.vertex_slots());
         let Some((low, high)) = self.bounds() else { return false };
-        let reach = self.settings.reach();
         let (mesh, map, rest) = (self.mesh, &*self.map, self.rest);
         self.strips.prepare_late(rest, map, self.settings);
+        let reach = self.reach();
         let places = &self.strips.places;
         let s = &mut *self.scratch;
         s.zone = (low, high);
@@ -256,6 +256,11 @@ impl Update<'_, '_> {
         s.rows.begin(mesh.vertex_slots());
         s.unlinked.clear();
         true
+    }
+
+    /// No link is longer, metres.
+    pub(super) fn reach(&self) -> f64 {
+        self.settings.reach().max(self.strips.places.longest_moved)
     }
 
     /// Bounds of the new strips, extended, and of all vertices made or removed and all lips: a slit that was cut in a bent

@@ -7,7 +7,7 @@ use super::particle_map::ParticleMap;
 use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
 use super::strips::LipSide;
-use crate::geometry::{SlotCsr, VertexId};
+use crate::geometry::{ParticleId, SlotCsr, VertexId};
 use glam::DVec3;
 
 /// What is where, for updates that look around a wound. All of it holds supersets. Undo and redo leave it as it is: whatever comes
@@ -27,6 +27,8 @@ pub(super) struct Places {
     strips_before: usize,
     /// Vertices that are or once were held from beyond a particle's radius.
     pub(super) far: VertexSet,
+    /// At least the length of the longest link of a particle that a cut has given another anchor, metres.
+    pub(super) longest_moved: f64,
     /// Radius of an ordinary particle, and of a wound particle, metres.
     pub(super) radii: [f64; 2],
     pub(super) is_built: bool,
@@ -48,6 +50,8 @@ impl Places {
             is_built: true,
             ..Self::default()
         };
+        // a piece may have such from the tissue it was part of
+        places.longest_moved = (0..map.len()).map(ParticleId::new).map(|j| longest_link(map, rest, j)).fold(0.0, f64::max);
         places.far.extend((0..rows).map(VertexId::new).filter(is_far));
         for v in 0..lips.rows() {
             lips.row(v).iter().for_each(|l| places.note_lip(VertexId::new(v), l.strip as usize));
@@ -69,4 +73,11 @@ impl Places {
         self.holders.note_travel();
         self.links.clear();
     }
+}
+
+/// Length of the longest link of a particle, metres.
+pub(super) fn longest_link(map: &ParticleMap, rest: &[DVec3], j: ParticleId) -> f64 {
+    let at = |j: ParticleId| rest.get(map.anchors[j.index()].index()).copied();
+    let lengths = map.neighbours.row(j.index()).iter().filter_map(|l| Some(at(l.particle)?.distance(at(j)?)));
+    lengths.fold(0.0, f64::max)
 }

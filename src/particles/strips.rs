@@ -5,7 +5,7 @@
 
 use super::holders::VertexSet;
 use super::particle_map::{Influence, ParticleMap};
-use super::places::Places;
+use super::places::{Places, longest_link};
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
 use crate::geometry::room::headroom;
@@ -421,9 +421,10 @@ impl Strips {
     /// Notes that `j` has another anchor and keeps what it holds, which may lie beyond its radius now.
     pub(super) fn note_moved(&mut self, map: &ParticleMap, rest: &[DVec3], j: ParticleId) {
         let at = rest[map.anchors[j.index()].index()];
-        let Places { anchors, holders, far, radii, is_built, .. } = &mut self.places;
+        let Places { anchors, holders, far, radii, is_built, longest_moved, .. } = &mut self.places;
         if *is_built {
             anchors.insert(j.0, at);
+            *longest_moved = longest_moved.max(longest_link(map, rest, j));
             let radius = radii[usize::from(map.is_wound(j))];
             let holds = |v: VertexId| map.influences.row(v.index()).iter().any(|i| i.particle == j);
             let far_off = 0.999 * radius * radius;
