@@ -173,12 +173,23 @@ can_install() {
     [ "$(id -u)" -eq 0 ] || { command -v sudo >/dev/null 2>&1 && sudo -n true 2>/dev/null; }
 }
 
+# A mirror that is busy refuses for a while: what is here already is kept, and the rest is asked for again.
+again_if_it_fails() {
+    local pause
+    for pause in 5 20; do
+        "$@" && return 0
+        say "That failed; trying again in $pause s."
+        sleep "$pause"
+    done
+    "$@"
+}
+
 install() {
-    local get="env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300"
+    local get="env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300 -o Acquire::Retries=8"
     [ "$(id -u)" -eq 0 ] || get="sudo -n $get"
     # shellcheck disable=SC2086  # a command of several words
     {
-        $get update </dev/null >&2 || say "apt-get update failed; trying with the lists at hand."
-        $get install -y --no-install-recommends "$@" </dev/null >&2
+        again_if_it_fails $get update </dev/null >&2 || say "apt-get update failed; trying with the lists at hand."
+        again_if_it_fails $get install -y --no-install-recommends "$@" </dev/null >&2
     }
 }

@@ -109,8 +109,8 @@ fetch_tree() {
     rm -rf "$xr_tree" "$state"
     make_apt_state "$state" "$mirror"
     # shellcheck disable=SC2086  # lists of words
-    APT_CONFIG=$state/apt.conf apt-get -q update >&2 </dev/null &&
-        APT_CONFIG=$state/apt.conf apt-get -q -y --download-only install $xr_packages $xr_window_packages >&2 </dev/null ||
+    APT_CONFIG=$state/apt.conf again_if_it_fails apt-get -q update >&2 </dev/null &&
+        APT_CONFIG=$state/apt.conf again_if_it_fails apt-get -q -y --download-only install $xr_packages $xr_window_packages >&2 </dev/null ||
         { say "The download failed."; return 1; }
     unpack_tree "$state" || return 1
     rm -rf "$state"
@@ -155,7 +155,7 @@ APT::Install-Recommends "false";
 APT::Sandbox::User "";
 Debug::NoLocking "true";
 Acquire::Languages "none";
-Acquire::Retries "3";
+Acquire::Retries "8";
 CONF
 }
 
