@@ -26,6 +26,8 @@ mod world;
 mod contact_tests;
 #[cfg(test)]
 mod laws;
+#[cfg(test)]
+mod world_tests;
 
 pub use contact::{Contacts, Skin};
 pub use network::{INPUT_LIMIT, Network, REST_THRESHOLD};

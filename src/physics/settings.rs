@@ -1,6 +1,7 @@
 //! What a soft material is made of, in numbers a user can turn.
 
 use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
 use thiserror::Error;
 
 /// Material of a network (MATHS 4.1). The stiffness of a particle of mass `m` to its anchor is `m (2 pi f)^2`.
@@ -44,6 +45,13 @@ impl NetworkSettings {
     /// Creeps back without a swing: foam, lung.
     pub const SPONGE: Self = Self { frequency_hz: 2.0, damping_ratio: 1.5, coupling: 0.3, rotations: false };
 
+    /// Frequencies that there may be, Hz.
+    pub const FREQUENCIES_HZ: RangeInclusive<f64> = 1e-3..=1e6;
+    /// Damping ratios that there may be.
+    pub const DAMPING_RATIOS: RangeInclusive<f64> = 0.0..=100.0;
+    /// Couplings that there may be.
+    pub const COUPLINGS: RangeInclusive<f64> = 0.0..=1e6;
+
     /// A preset by name: `soft`, `firm` or `sponge`.
     pub fn preset(name: &str) -> Option<Self> {
         match name {
@@ -54,16 +62,16 @@ impl NetworkSettings {
         }
     }
 
-    /// The same settings if they are in range: frequency 1e-3 to 1e6 Hz, damping ratio 0 to 100, coupling 0 to 1e6.
+    /// The same settings if they are in range.
     pub fn checked(self) -> Result<Self, SettingsError> {
         let ranges = [
-            ("frequency_hz", self.frequency_hz, 1e-3, 1e6),
-            ("damping_ratio", self.damping_ratio, 0.0, 100.0),
-            ("coupling", self.coupling, 0.0, 1e6),
+            ("frequency_hz", self.frequency_hz, Self::FREQUENCIES_HZ),
+            ("damping_ratio", self.damping_ratio, Self::DAMPING_RATIOS),
+            ("coupling", self.coupling, Self::COUPLINGS),
         ];
-        for (name, value, low, high) in ranges {
-            if !(low..=high).contains(&value) {
-                return Err(SettingsError { name, value, low, high });
+        for (name, value, range) in ranges {
+            if !range.contains(&value) {
+                return Err(SettingsError { name, value, low: *range.start(), high: *range.end() });
             }
         }
         Ok(self)

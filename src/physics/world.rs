@@ -8,7 +8,7 @@ use super::network::Network;
 use super::rigid::{RigidPose, RigidShape, Solid};
 use crate::geometry::ParticleId;
 use glam::{DQuat, DVec3, Vec3};
-use rapier3d::dynamics::{RigidBodyBuilder, RigidBodyHandle};
+use rapier3d::dynamics::{IntegrationParameters, RigidBodyBuilder, RigidBodyHandle};
 use rapier3d::geometry::{ColliderBuilder, ColliderHandle, Group, InteractionGroups, InteractionTestMode};
 use rapier3d::math::Pose;
 use rapier3d::parry::query;
@@ -18,6 +18,8 @@ use std::collections::BTreeMap;
 
 /// Longest step of rapier, s; longer ones are split, into [`MAX_SUBSTEPS`] at most.
 pub const RIGID_STEP: f64 = 1.0 / 120.0;
+/// Bodies of this size and more are moved in steps of [`RIGID_STEP`], smaller ones in shorter steps, metres.
+const SMALL: f64 = 0.03;
 /// Most substeps: beyond them the rigid world runs slower than the clock.
 pub const MAX_SUBSTEPS: usize = 16;
 /// Standard gravity, m/s^2.
@@ -81,13 +83,23 @@ pub struct RigidWorld {
     loose: usize,
 }
 
+/// How much faster bodies of this `length` fall through their own size than those of [`SMALL`] do: contacts have to be as much stiffer
+/// for them, and steps shorter.
+fn haste(length: f64) -> f64 {
+    (SMALL / length).sqrt().max(1.0)
+}
+
 impl RigidWorld {
     /// An empty world whose bodies are about `length` metres in size; things fall against `up`.
     pub fn new(up: DVec3, length: f64) -> Self {
         let up = up.try_normalize().unwrap_or(DVec3::Y);
         let length = if length.is_finite() && length > 0.0 { length } else { 1.0 };
         let mut world = PhysicsWorld { gravity: (-GRAVITY * up).as_vec3(), ..PhysicsWorld::default() };
-        world.integration_parameters.length_unit = length as f32;
+        let IntegrationParameters { length_unit, contact_softness, static_contact_softness, .. } =
+            &mut world.integration_parameters;
+        *length_unit = length as f32;
+        contact_softness.natural_frequency *= haste(length) as f32;
+        static_contact_softness.natural_frequency *= haste(length) as f32;
         Self { world, bodies: BTreeMap::new(), next: 0, up, length, table: None, loose: 0 }
     }
 
@@ -333,8 +345,9 @@ impl RigidWorld {
     }
 
     fn step_rapier(&mut self, h: f64) {
-        let substeps = ((h / RIGID_STEP - 1e-9).ceil() as usize).clamp(1, MAX_SUBSTEPS);
-        let part = (h / substeps as f64).min(RIGID_STEP);
+        let longest = RIGID_STEP / haste(self.length);
+        let substeps = ((h / longest - 1e-9).ceil() as usize).clamp(1, MAX_SUBSTEPS);
+        let part = (h / substeps as f64).min(longest);
         self.world.integration_parameters.dt = part as f32;
         self.push(h);
         self.wake_near_driven();
@@ -486,94 +499,4 @@ fn to_rapier(pose: &RigidPose) -> Pose {
 
 fn from_rapier(pose: &Pose) -> RigidPose {
     RigidPose { rotation: pose.rotation.as_dquat().normalize(), translation: pose.translation.as_dvec3() }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn corners() -> Vec<DVec3> {
-        (0..8).map(|k| DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2 & 1)) * 0.2 - 0.1).collect()
-    }
-
-    #[test]
-    fn a_hull_falls_onto_the_table_and_sleeps() {
-        let mut world = RigidWorld::new(DVec3::Y, 0.3);
-        world.set_table(Some(-0.5));
-        let piece = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
-        assert!(!world.is_resting());
-        for frame in 0..600 {
-            world.step(1.0 / 60.0);
-            let y = world.pose(piece).unwrap().translation.y;
-            assert!(y > -0.44, "frame {frame}: {y}");
-        }
-        let at = world.pose(piece).unwrap();
-        assert!((at.translation.y + 0.4).abs() < 5e-3, "{at:?}");
-        assert!(world.is_resting());
-        // Broken twin: without the table it goes on falling.
-        world.set_table(None);
-        let loose = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
-        (0..60).for_each(|_| world.step(1.0 / 60.0));
-        assert!(world.pose(loose).unwrap().translation.y < -2.0);
-    }
-
-    #[test]
-    fn a_fast_instrument_does_not_pass_a_loose_body() {
-        let mut world = RigidWorld::new(DVec3::Y, 0.3);
-        world.set_table(Some(-0.1));
-        let piece = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
-        let shape = RigidShape::Sphere { radius: 0.03 };
-        let tool = world.add_driven(shape, RigidPose::at(DVec3::new(-0.5, 0.0, 0.0))).unwrap();
-        (0..60).for_each(|_| world.step(1.0 / 60.0));
-        let start = world.pose(piece).unwrap().translation.x;
-        for k in 1..=4 {
-            world.drive(tool, RigidPose::at(DVec3::new(-0.5 + 0.1 * f64::from(k), 0.0, 0.0)));
-            world.step(1.0 / 60.0);
-        }
-        (0..30).for_each(|_| world.step(1.0 / 60.0));
-        let x = world.pose(piece).unwrap().translation.x;
-        assert!(x > start + 0.02, "{start} {x}");
-    }
-
-    #[test]
-    fn nonsense_is_refused_and_steps_are_survived() {
-        let mut world = RigidWorld::new(DVec3::ZERO, f64::NAN);
-        assert!(world.add_driven(RigidShape::Sphere { radius: -1.0 }, RigidPose::IDENTITY).is_none());
-        assert!(world.add_ball(0.1, 0.0, RigidPose::IDENTITY).is_none());
-        assert!(world.add_hull(&[], 1.0, RigidPose::IDENTITY).is_none());
-        assert!(world.add_hull(&[DVec3::ONE; 5], 1.0, RigidPose::IDENTITY).is_none());
-        let flat: Vec<DVec3> = corners().into_iter().map(|p| DVec3::new(p.x, p.x + p.y, p.y)).collect();
-        let line: Vec<DVec3> = corners().into_iter().map(|p| DVec3::new(p.x, p.x, p.x)).collect();
-        let a = world.add_hull(&flat, 1.0, RigidPose::IDENTITY).unwrap();
-        let b = world.add_hull(&line, 1.0, RigidPose::IDENTITY).unwrap();
-        for h in [f64::NAN, -1.0, 0.0, 1e-5, 1.0, 1.0] {
-            world.step(h);
-        }
-        assert!([a, b].into_iter().all(|id| world.pose(id).unwrap().translation.is_finite()));
-        world.drive(a, RigidPose::at(DVec3::NAN));
-        world.remove(a);
-        world.remove(a);
-        world.step(0.1);
-        assert!(world.is_empty() && world.pose(b).is_some(), "soft layers feel no hulls");
-    }
-
-    #[test]
-    fn a_force_of_any_stiffness_holds_a_ball() {
-        for stiffness in [10.0, 1e5, 1e9] {
-            let mut world = RigidWorld::new(DVec3::Y, 0.3);
-            let ball = world.add_ball(0.05, 0.2, RigidPose::at(DVec3::Y * 0.01)).unwrap();
-            let mut lowest: f64 = 0.0;
-            for _ in 0..3000 {
-                world.step(1.0 / 60.0);
-                let y = world.pose(ball).unwrap().translation.y;
-                lowest = lowest.min(y);
-                let body = world.body_mut(ball).unwrap();
-                body.push.force = DVec3::Y * (-stiffness * y).max(0.0);
-                body.push.stiffness = if y < 0.0 { stiffness } else { 0.0 };
-            }
-            let y = world.pose(ball).unwrap().translation.y;
-            let still = -0.2 * GRAVITY / stiffness;
-            assert!((y - still).abs() < 0.05 * still.abs() + 2e-3 && lowest > 3.0 * still - 0.05, "{stiffness}: {y} {lowest}");
-        }
-    }
 }

@@ -1,0 +1,104 @@
+//! Falling, lying and resting bodies of the rigid world.
+
+use super::{GRAVITY, RigidPose, RigidShape, RigidWorld};
+use glam::{DQuat, DVec3};
+
+fn corners() -> Vec<DVec3> {
+    (0..8).map(|k| DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2 & 1)) * 0.2 - 0.1).collect()
+}
+
+#[test]
+fn a_hull_falls_onto_the_table_and_sleeps() {
+    let mut world = RigidWorld::new(DVec3::Y, 0.3);
+    world.set_table(Some(-0.5));
+    let piece = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
+    assert!(!world.is_resting());
+    for frame in 0..600 {
+        world.step(1.0 / 60.0);
+        let y = world.pose(piece).unwrap().translation.y;
+        assert!(y > -0.44, "frame {frame}: {y}");
+    }
+    let at = world.pose(piece).unwrap();
+    assert!((at.translation.y + 0.4).abs() < 5e-3, "{at:?}");
+    assert!(world.is_resting());
+    // Broken twin: without the table it goes on falling.
+    world.set_table(None);
+    let loose = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
+    (0..60).for_each(|_| world.step(1.0 / 60.0));
+    assert!(world.pose(loose).unwrap().translation.y < -2.0);
+}
+
+/// Rapier's contacts give way by so many metres under a body's weight, whatever its size; here by so much of it.
+#[test]
+fn small_pieces_lie_on_the_table_as_large_ones_do() {
+    for length in [3.0, 0.3, 0.03, 0.003, 1e-3, 5e-4] {
+        let (mut world, scale) = (RigidWorld::new(DVec3::Y, length), length / 0.3);
+        world.set_table(Some(-0.5 * scale));
+        let points: Vec<DVec3> = corners().iter().map(|p| DVec3::new(1.0, 0.8, 0.6) * *p * scale).collect();
+        let tilted = RigidPose { rotation: DQuat::from_rotation_z(0.3), ..RigidPose::IDENTITY };
+        let piece = world.add_hull(&points, 0.5 * scale.powi(3), tilted).unwrap();
+        (0..400).for_each(|_| world.step(1.0 / 90.0));
+        let y = world.pose(piece).unwrap().translation.y / scale;
+        assert!(world.is_resting() && (y + 0.42).abs() < 2e-3, "{length}: {y}");
+    }
+}
+
+#[test]
+fn a_fast_instrument_does_not_pass_a_loose_body() {
+    let mut world = RigidWorld::new(DVec3::Y, 0.3);
+    world.set_table(Some(-0.1));
+    let piece = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
+    let shape = RigidShape::Sphere { radius: 0.03 };
+    let tool = world.add_driven(shape, RigidPose::at(DVec3::new(-0.5, 0.0, 0.0))).unwrap();
+    (0..60).for_each(|_| world.step(1.0 / 60.0));
+    let start = world.pose(piece).unwrap().translation.x;
+    for k in 1..=4 {
+        world.drive(tool, RigidPose::at(DVec3::new(-0.5 + 0.1 * f64::from(k), 0.0, 0.0)));
+        world.step(1.0 / 60.0);
+    }
+    (0..30).for_each(|_| world.step(1.0 / 60.0));
+    let x = world.pose(piece).unwrap().translation.x;
+    assert!(x > start + 0.02, "{start} {x}");
+}
+
+#[test]
+fn nonsense_is_refused_and_steps_are_survived() {
+    let mut world = RigidWorld::new(DVec3::ZERO, f64::NAN);
+    assert!(world.add_driven(RigidShape::Sphere { radius: -1.0 }, RigidPose::IDENTITY).is_none());
+    assert!(world.add_ball(0.1, 0.0, RigidPose::IDENTITY).is_none());
+    assert!(world.add_hull(&[], 1.0, RigidPose::IDENTITY).is_none());
+    assert!(world.add_hull(&[DVec3::ONE; 5], 1.0, RigidPose::IDENTITY).is_none());
+    let flat: Vec<DVec3> = corners().into_iter().map(|p| DVec3::new(p.x, p.x + p.y, p.y)).collect();
+    let line: Vec<DVec3> = corners().into_iter().map(|p| DVec3::new(p.x, p.x, p.x)).collect();
+    let a = world.add_hull(&flat, 1.0, RigidPose::IDENTITY).unwrap();
+    let b = world.add_hull(&line, 1.0, RigidPose::IDENTITY).unwrap();
+    for h in [f64::NAN, -1.0, 0.0, 1e-5, 1.0, 1.0] {
+        world.step(h);
+    }
+    assert!([a, b].into_iter().all(|id| world.pose(id).unwrap().translation.is_finite()));
+    world.drive(a, RigidPose::at(DVec3::NAN));
+    world.remove(a);
+    world.remove(a);
+    world.step(0.1);
+    assert!(world.is_empty() && world.pose(b).is_some(), "soft layers feel no hulls");
+}
+
+#[test]
+fn a_force_of_any_stiffness_holds_a_ball() {
+    for stiffness in [10.0, 1e5, 1e9] {
+        let mut world = RigidWorld::new(DVec3::Y, 0.3);
+        let ball = world.add_ball(0.05, 0.2, RigidPose::at(DVec3::Y * 0.01)).unwrap();
+        let mut lowest: f64 = 0.0;
+        for _ in 0..3000 {
+            world.step(1.0 / 60.0);
+            let y = world.pose(ball).unwrap().translation.y;
+            lowest = lowest.min(y);
+            let body = world.body_mut(ball).unwrap();
+            body.push.force = DVec3::Y * (-stiffness * y).max(0.0);
+            body.push.stiffness = if y < 0.0 { stiffness } else { 0.0 };
+        }
+        let y = world.pose(ball).unwrap().translation.y;
+        let still = -0.2 * GRAVITY / stiffness;
+        assert!((y - still).abs() < 0.05 * still.abs() + 2e-3 && lowest > 3.0 * still - 0.05, "{stiffness}: {y} {lowest}");
+    }
+}
