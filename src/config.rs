@@ -375,10 +375,15 @@ impl Config {
         rules.range("dynamics.inertia", dynamics.inertia, 0.0, 1.0, "from 0 to 1");
         for (name, preset) in [("soft", dynamics.soft), ("firm", dynamics.firm), ("sponge", dynamics.sponge)] {
             let key = |what: &str| format!("dynamics.{name}.{what}");
-            let f = preset.frequency;
-            rules.check(&key("frequency"), f, (1e-3..=1e6).contains(&f), "from 0.001 to 1e6 Hz");
-            rules.range(&key("damping"), preset.damping, 0.0, 100.0, "from 0 to 100");
-            rules.range(&key("coupling"), preset.coupling, 0.0, 1e6, "from 0 to 1e6");
+            let DynamicsPreset { frequency, damping, coupling, .. } = preset;
+            rules.check(
+                &key("frequency"),
+                frequency,
+                NetworkSettings::FREQUENCIES_HZ.contains(&frequency),
+                "from 0.001 to 1e6 Hz",
+            );
+            rules.check(&key("damping"), damping, NetworkSettings::DAMPING_RATIOS.contains(&damping), "from 0 to 100");
+            rules.check(&key("coupling"), coupling, NetworkSettings::COUPLINGS.contains(&coupling), "from 0 to 1e6");
         }
         rules.range("pieces.density", pieces.density, 1e-3, 1e5, "from 0.001 to 100000 kg/m^3");
         rules.range("sections.faces", f64::from(sections.faces), 1.0, 1e9, "1 or more");

@@ -194,7 +194,9 @@ fn a_frame_sends_what_its_edits_say() {
             let vectors: usize = app
                 .scene
                 .tissues()
-                .map(|(_, t)| t.pose().joint_matrices.len() * 3 + t.fades().entries.len() + t.layer().map_or(0, |l| l.map.len()))
+                .map(|(_, t)| {
+                    t.pose().joint_matrices.len() * 3 + t.fades().entries().len() + t.layer().map_or(0, |l| l.map.len())
+                })
                 .sum();
             let materials: usize = app.scene.tissues().map(|(_, t)| t.materials().len() * size_of::<Material>()).sum();
             let records = app.scene.tissues().count() * size_of::<TissueRecord>() + 2 * size_of::<Frame>();
@@ -211,4 +213,51 @@ fn a_frame_sends_what_its_edits_say() {
         }
         assert!(said > 0 && sent > said / 2 && sent <= said * 11 / 10 + GAPS, "soft {soft}: {said} said, {sent} sent");
     }
+}
+
+/// Edits of a displaced model start fades. Those are sent, with gaps of a few, and not an array with an entry a vertex; and the GPU
+/// knows all of them, also where vertices have come and gone by undo and redo.
+#[test]
+fn fades_are_sent_where_they_are_written() {
+    let (mut scene, _) = scene_of("beam", 20_000, true);
+    scene.set_animation(None);
+    let (mut app, mut target) = (App::new(scene, 1.0, || 0), Target::new());
+    let hand = EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, 0.05, 0.0), radius: 0.1 };
+    frame(&mut app, &mut target, 0, vec![hand, EditCommand::GrabMove { id: 1, by: DVec3::Y * 0.01 }]);
+    for number in 1..4 {
+        frame(&mut app, &mut target, number, Vec::new());
+    }
+    let (mut number, mut most) = (4, 0);
+    let mut run = |commands: Vec<EditCommand>| {
+        for command in commands {
+            let fades = |app: &App| app.scene.tissues().map(|(_, t)| t.fades().entries().to_vec()).collect::<Vec<_>>().concat();
+            let before = fades(&app);
+            let (counters, _) = frame(&mut app, &mut target, number, vec![command]);
+            number += 1;
+            let after = fades(&app);
+            let is_written = |v: &usize| after[*v] != before.get(*v).copied().unwrap_or_default();
+            let (mut sent, mut last) = (0, None::<usize>);
+            for v in (0..after.len()).filter(is_written) {
+                let run = last.filter(|last| v <= last + 9); // gaps of eight are sent rather than left out
+                sent += run.map_or(1, |last| v - last);
+                last = Some(v);
+            }
+            most = most.max(sent);
+            let vectors: usize =
+                app.scene.tissues().map(|(_, t)| t.pose().joint_matrices.len() * 3 + t.layer().map_or(0, |l| l.map.len())).sum();
+            let materials: usize = app.scene.tissues().map(|(_, t)| t.materials().len() * size_of::<Material>()).sum();
+            let records = app.scene.tissues().count() * size_of::<TissueRecord>() + 2 * size_of::<Frame>();
+            let bound = 16 * (sent + vectors) + 2 * materials + records + counters.workgroups as usize * size_of::<WorkItem>();
+            let rest = (counters.bytes_uploaded - counters.structure_bytes) as usize;
+            assert!(rest <= bound, "{rest} bytes with {sent} fades, {bound} expected");
+            let error = target.mirror.gpu_error(&app.scene).expect("positions");
+            assert!(error < 1e-6, "{error}");
+        }
+        most
+    };
+    run(stroke(0.004));
+    run(vec![EditCommand::Undo, EditCommand::Redo, EditCommand::Undo]);
+    let most = run(stroke(0.008));
+    let all: usize = app.scene.tissues().map(|(_, t)| t.mesh().vertex_slots()).sum();
+    assert!(most > 30 && most < all / 2, "{most} of {all}: the array of all fades would be more than what was allowed");
 }

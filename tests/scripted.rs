@@ -62,7 +62,7 @@ fn a_cut_of_a_displaced_animated_model_is_exact() {
     assert!(edit.max_plane_distance.unwrap() <= 1e-6 * tissue.diagonal());
     assert!(edit.new_vertices > 20 && edit.pieces.len() == 2);
     // without the fade of MATHS 2.2 the recomputed weights would leave the plane: the fades are not zero
-    let held = app.scene.tissues().flat_map(|(_, t)| t.fades().entries.iter()).map(|c| c[0].abs() + c[1].abs() + c[2].abs());
+    let held = app.scene.tissues().flat_map(|(_, t)| t.fades().entries().iter()).map(|c| c[0].abs() + c[1].abs() + c[2].abs());
     assert!(held.fold(0.0, f32::max) as f64 > 1e-6 * tissue.diagonal());
 }
 

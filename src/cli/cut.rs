@@ -117,11 +117,11 @@ impl Cut {
                 }
             }
         }
-        let bounds = scene.tissues().map(|(_, tissue)| (tissue.bounds(), tissue.offset()));
-        let grown = |(l, h): (DVec3, DVec3), ((low, high), at)| (l.min(low + at), h.max(high + at));
-        let (low, high) = bounds.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), grown);
-        let diagonal = (high - low).length();
-        Ok(if deviation_m > 0.0 && diagonal > 0.0 { deviation_m / diagonal } else { 0.0 })
+        if deviation_m == 0.0 {
+            return Ok(0.0);
+        }
+        let (low, high) = scene.bounds();
+        Ok(deviation_m / (high - low).length())
     }
 }
 

@@ -10,7 +10,7 @@ use crate::app::{App, FrameReport};
 use crate::config::Config;
 use crate::formats::Model;
 use crate::gpu::{Bounds, Camera, GpuError};
-use crate::host::headless::{HeadlessTarget, run, visible_bounds};
+use crate::host::headless::{HeadlessTarget, run};
 use crate::input::{ActionKind, CameraPose, Script, ScriptPlayer};
 use crate::scene::{Scene, SceneSettings};
 use crate::surgery::WallMode;
@@ -204,7 +204,7 @@ pub(super) fn frame_json(report: &FrameReport) -> serde_json::Value {
 
 /// Frames the model from the front.
 fn default_camera(app: &App, script: &Script, size: (u32, u32)) -> Camera {
-    let (min, max) = visible_bounds(app);
+    let (min, max) = app.scene.bounds();
     let aspect = f64::from(size.0) / f64::from(size.1);
     Camera::framing(Bounds { min, max }, DVec3::new(0.25, 0.35, 1.0), script.camera.up, script.camera.fov_y, aspect)
 }

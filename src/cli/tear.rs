@@ -82,11 +82,12 @@ impl Tear {
         if self.no_particles && self.map_out.is_some() {
             return Err(CliError::Input("--map-out needs particles; leave --no-particles out".into()));
         }
-        let files = [Some(&self.out), self.boxes.as_ref(), self.map_out.as_ref()];
-        if let Some((i, file)) = files.iter().enumerate().find(|(i, file)| file.is_some() && files[..*i].contains(file)) {
-            let (option, file) =
-                (["--out", "--boxes", "--map-out"][i], file.map_or_else(Default::default, |f| f.display().to_string()));
-            return Err(CliError::Input(format!("{option} {file}: another option writes this file")));
+        let outputs = [("--boxes", &self.boxes), ("--map-out", &self.map_out)];
+        for (i, (option, file)) in outputs.iter().enumerate() {
+            let Some(file) = file else { continue };
+            if *file == self.out || outputs[..i].iter().any(|(_, other)| other.as_ref() == Some(file)) {
+                return Err(CliError::Input(format!("{option} {}: another option writes this file", file.display())));
+            }
         }
         let path = load_path(&self.path)?;
         let model = load(&self.model)?;

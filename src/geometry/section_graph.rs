@@ -87,17 +87,27 @@ impl PartsBefore {
         if part.lowest_origin == u32::MAX {
             return u32::MAX;
         }
-        let mut first = if self.of_section.is_empty() { 0 } else { u32::MAX };
-        let mut infos = part.all_faces(mesh).map(|f| mesh.face_info(f)).filter(|info| !info.is_interior());
-        while first > 0
-            && let Some(info) = infos.next()
-        {
-            first = first.min(match self.of_section.get(info.section.index()) {
-                Some(&part) if part != u32::MAX => part,
-                _ => self.of_origin.get(&info.origin).copied().unwrap_or(u32::MAX),
-            });
+        if self.of_section.is_empty() {
+            return 0;
         }
-        first
+        let skin = |f: &FaceId| !mesh.face_info(*f).is_interior();
+        let by_origin = |f: FaceId| self.of_origin.get(&mesh.face_info(f).origin).copied().unwrap_or(u32::MAX);
+        let by_section = |s: SectionId| self.of_section.get(s.index()).copied().filter(|&part| part != u32::MAX);
+        let mut first = u32::MAX;
+        for &s in &part.sections {
+            first = first.min(match by_section(s) {
+                // one face tells of all
+                Some(part) if mesh.section_faces(s).any(|f| skin(&f)) => part,
+                Some(_) => u32::MAX,
+                None => mesh.section_faces(s).filter(skin).map(by_origin).min().unwrap_or(u32::MAX),
+            });
+            if first == 0 {
+                return 0;
+            }
+        }
+        let loose =
+            part.loose.iter().filter(|f| skin(f)).map(|&f| by_section(mesh.face_info(f).section).unwrap_or_else(|| by_origin(f)));
+        first.min(loose.min().unwrap_or(u32::MAX))
     }
 }
 
@@ -307,13 +317,6 @@ impl SectionGraph {
     pub fn totals(&self) -> (usize, u32) {
         let lowest = self.facts.iter().filter(|f| f.faces > 0).map(|f| f.lowest_origin).min();
         (self.facts.iter().map(|f| f.vertices).sum(), lowest.unwrap_or(u32::MAX))
-    }
-
-    /// The same of the components that were given back, while they are all there is.
-    pub fn kept_totals(&self) -> Option<(usize, u32)> {
-        let parts = self.kept.as_ref()?;
-        let lowest = parts.iter().map(|p| p.lowest_origin).min();
-        Some((parts.iter().map(|p| p.vertices).sum(), lowest.unwrap_or(u32::MAX)))
     }
 
     fn collect(&mut self, mesh: &Mesh) -> Vec<Part> {

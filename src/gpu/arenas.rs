@@ -190,6 +190,13 @@ impl Arenas {
         self.belt.write_each(&arena.buffer, offset, range.map(element));
     }
 
+    /// Makes the entries `range` of the slot zero, without an upload.
+    pub fn clear(&mut self, kind: ArenaKind, slot: Slot, range: Range<usize>) {
+        let arena = &self.arenas[kind as usize];
+        let offset = (u64::from(slot.start) + range.start as u64) * arena.stride;
+        self.belt.clear(&arena.buffer, offset, range.len() as u64 * arena.stride);
+    }
+
     fn take(&mut self, context: &Context, kind: ArenaKind, room: u64) -> Result<Range<u32>, GpuError> {
         let arena = &mut self.arenas[kind as usize];
         let fits = u32::try_from(room).ok();

@@ -8,6 +8,8 @@ use super::context::Context;
 enum Step {
     /// Bytes `start..start + len` of the notes, to a place of a buffer.
     Write { target: wgpu::Buffer, offset: u64, start: usize, len: usize },
+    /// Zeros.
+    Clear { target: wgpu::Buffer, offset: u64, len: u64 },
     /// Bytes of one buffer to another.
     Copy { from: (wgpu::Buffer, u64), to: (wgpu::Buffer, u64), len: u64 },
 }
@@ -66,6 +68,13 @@ impl Belt {
         }
     }
 
+    /// Notes that a place of a buffer becomes zero.
+    pub fn clear(&mut self, target: &wgpu::Buffer, offset: u64, len: u64) {
+        if len > 0 {
+            self.steps.push(Step::Clear { target: target.clone(), offset, len });
+        }
+    }
+
     /// Encodes everything noted. The encoder must be submitted.
     pub fn flush(&mut self, context: &Context, encoder: &mut wgpu::CommandEncoder) {
         if self.steps.is_empty() {
@@ -89,6 +98,7 @@ impl Belt {
                     let mut view = self.staging.write_buffer(encoder, &target, offset, size);
                     view.copy_from_slice(&self.bytes[start..start + len]);
                 }
+                Step::Clear { target, offset, len } => encoder.clear_buffer(&target, offset, Some(len)),
                 Step::Copy { from, to, len } => encoder.copy_buffer_to_buffer(&from.0, from.1, &to.0, to.1, len),
             }
         }

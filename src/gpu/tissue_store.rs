@@ -11,8 +11,9 @@ use super::groups::Groups;
 use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord, WOUNDED};
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
 use super::views::ViewPose;
+use crate::geometry::room::fit;
 use crate::geometry::{Turn, VertexId};
-use crate::rig::JointMatrix;
+use crate::rig::{FADE_BLOCK, JointMatrix};
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
 
@@ -68,6 +69,8 @@ pub struct GpuTissue {
     versions: Option<ViewVersions>,
     /// Fades as uploaded, to find what changed.
     fades: Vec<[f32; 4]>,
+    /// The latest of the writes that were looked at.
+    fades_seen: u64,
     /// When the last fade ends, seconds.
     fades_end_s: f64,
     rest_bounds: RestBounds,
@@ -114,6 +117,7 @@ impl GpuTissue {
             slots: Slots::default(),
             versions: None,
             fades: Vec::new(),
+            fades_seen: 0,
             fades_end_s: f64::NEG_INFINITY,
             rest_bounds: RestBounds::default(),
             posed: Bounds::EMPTY,
@@ -249,6 +253,10 @@ impl GpuTissue {
             }
         };
         self.long_rows &= !full;
+        if full {
+            self.fades.clear();
+            self.fades_seen = 0;
+        }
         self.upload_structure(arenas, view, ranges);
         self.grow_rest_bounds(view, &ranges.vertices, full);
         self.clusters.grow(view, clamped(&ranges.faces, self.slots.faces.len), full);
@@ -388,25 +396,39 @@ impl GpuTissue {
         displacements.extend_from_slice(view.displacements);
     }
 
-    /// Uploads the fades that differ from those on the GPU.
+    /// Uploads the fades that differ from those on the GPU. Blocks that were not written since are not looked at.
     fn upload_fades(&mut self, arenas: &mut Arenas, view: &TissueView<'_>) {
-        let bits = |f: &[f32; 4]| f.map(f32::to_bits);
-        (self.fades_end_s, self.largest_fade) = (f64::NEG_INFINITY, 0.0);
-        let known = self.fades.len();
-        let mut dirty: Option<Range<usize>> = None;
-        for (v, fade) in view.fades.iter().enumerate() {
-            if fade[..3] != [0.0; 3] {
-                self.largest_fade = self.largest_fade.max(f64::from(fade[0].abs() + fade[1].abs() + fade[2].abs()));
-                self.fades_end_s = self.fades_end_s.max(f64::from(fade[3]) + view.fade_duration_s);
-            }
-            if v < known && bits(&self.fades[v]) == bits(fade) {
+        if view.time_s >= self.fades_end_s || view.fades_written.is_empty() {
+            // all that runs comes anew
+            (self.fades_end_s, self.largest_fade) = (f64::NEG_INFINITY, 0.0);
+        }
+        let (known, len) = (self.fades.len().min(view.fades.len()), view.fades.len());
+        // what comes after those on the GPU is whatever was there
+        arenas.clear(ArenaKind::Vectors, self.slots.fades, known..len);
+        self.fades.truncate(known);
+        fit(&mut self.fades, len, [0.0; 4]);
+        let (seen, mut dirty) = (self.fades_seen, None::<Range<usize>>);
+        for (block, fades) in view.fades.chunks(FADE_BLOCK).enumerate() {
+            let written = view.fades_written.get(block).copied();
+            self.fades_seen = self.fades_seen.max(written.unwrap_or(0));
+            if written.is_some_and(|at| at <= seen) && (block + 1) * FADE_BLOCK <= known {
                 continue;
             }
-            match &mut dirty {
-                Some(run) if v <= run.end + 8 => run.end = v + 1,
-                _ => {
-                    if let Some(run) = dirty.replace(v..v + 1) {
-                        arenas.upload(ArenaKind::Vectors, self.slots.fades, run, |k| view.fades[k]);
+            for (v, fade) in (block * FADE_BLOCK..).zip(fades) {
+                if fade[..3] != [0.0; 3] {
+                    self.largest_fade = self.largest_fade.max(f64::from(fade[0].abs() + fade[1].abs() + fade[2].abs()));
+                    self.fades_end_s = self.fades_end_s.max(f64::from(fade[3]) + view.fade_duration_s);
+                }
+                if self.fades[v].map(f32::to_bits) == fade.map(f32::to_bits) {
+                    continue;
+                }
+                self.fades[v] = *fade;
+                match &mut dirty {
+                    Some(run) if v <= run.end + 8 => run.end = v + 1,
+                    _ => {
+                        if let Some(run) = dirty.replace(v..v + 1) {
+                            arenas.upload(ArenaKind::Vectors, self.slots.fades, run, |k| view.fades[k]);
+                        }
                     }
                 }
             }
@@ -414,9 +436,6 @@ impl GpuTissue {
         if let Some(run) = dirty {
             arenas.upload(ArenaKind::Vectors, self.slots.fades, run, |k| view.fades[k]);
         }
-        self.fades.truncate(view.fades.len().max(known));
-        self.fades.resize(view.fades.len().max(known), [0.0; 4]);
-        self.fades[..view.fades.len()].copy_from_slice(view.fades);
     }
 
     fn fill_record(&mut self, view: &TissueView<'_>) {

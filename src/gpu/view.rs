@@ -69,6 +69,8 @@ pub struct TissueView<'a> {
     pub rotations: &'a [Turn],
     /// `c` in the rest frame and start time in seconds, for each vertex (V), or none at all (MATHS 2.2).
     pub fades: &'a [[f32; 4]],
+    /// See [`crate::rig::Fades::written`]; none at all: each of them may be another than it was.
+    pub fades_written: &'a [u64],
     /// How long a fade takes, seconds.
     pub fade_duration_s: f64,
     /// The time, on the clock of the fades' start times.

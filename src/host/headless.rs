@@ -154,14 +154,3 @@ pub fn run<E: From<GpuError>>(
     }
     Ok(reports)
 }
-
-/// Positions of a tissue's live vertices in model space: what a picture shows.
-pub fn visible_bounds(app: &App) -> (DVec3, DVec3) {
-    let tissues = app.scene.tissues().map(|(_, t)| {
-        let (low, high) = t.bounds();
-        let corner = |k: usize| DVec3::from_array(std::array::from_fn(|m| if k >> m & 1 == 0 { low[m] } else { high[m] }));
-        let corners = (0..8).map(|k| t.to_model(corner(k)));
-        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
-    });
-    tissues.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), (low, high)| (l.min(low), h.max(high)))
-}

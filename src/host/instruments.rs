@@ -56,6 +56,7 @@ impl Instruments {
                 displacements: &[],
                 rotations: &[],
                 fades: &[],
+                fades_written: &[],
                 fade_duration_s: 0.0,
                 time_s: 0.0,
                 pose: &self.pose,

@@ -3,6 +3,7 @@
 
 use super::script::{Action, ActionKind, Camera, CutPlane, Layer, Motion, ParticleOverrides, Script, ScriptError, TearOverrides};
 use crate::geometry::Plane;
+use crate::physics::NetworkSettings;
 use crate::surgery::leaf::Leaf;
 use crate::surgery::{BladePath, BladePose, PathError, WallMode};
 use glam::DVec3;
@@ -251,9 +252,14 @@ fn particles(raw: &RawParticles) -> Checked<ParticleOverrides> {
         spacing: positive("spacing", raw.spacing.as_ref())?,
         radius: positive("radius", raw.radius.as_ref())?,
         neighbours: not_negative("neighbours", raw.neighbours.as_ref())?,
-        frequency: number("frequency", raw.frequency.as_ref(), |x| (1e-3..=1e6).contains(&x), "from 0.001 to 1e6 Hz")?,
-        damping: number("damping", raw.damping.as_ref(), |x| (0.0..=100.0).contains(&x), "from 0 to 100")?,
-        coupling: number("coupling", raw.coupling.as_ref(), |x| (0.0..=1e6).contains(&x), "from 0 to 1e6")?,
+        frequency: number(
+            "frequency",
+            raw.frequency.as_ref(),
+            |x| NetworkSettings::FREQUENCIES_HZ.contains(&x),
+            "from 0.001 to 1e6 Hz",
+        )?,
+        damping: number("damping", raw.damping.as_ref(), |x| NetworkSettings::DAMPING_RATIOS.contains(&x), "from 0 to 100")?,
+        coupling: number("coupling", raw.coupling.as_ref(), |x| NetworkSettings::COUPLINGS.contains(&x), "from 0 to 1e6")?,
     };
     match (overrides.spacing, overrides.radius, &raw.radius) {
         (Some(r), Some(d), Some(at)) if d <= r => {

@@ -10,6 +10,9 @@ use super::strips::Strips;
 use crate::geometry::{Mesh, ParticleId, SlotCsr, VertexId};
 use glam::DVec3;
 
+/// Where particles have listed fewer vertices than a fourth of all, those are looked at, else all.
+const MANY_HELD: usize = 4;
+
 /// Influences of a vertex before they were changed.
 pub type RowBefore = (VertexId, Vec<Influence>);
 
@@ -77,7 +80,7 @@ impl ParticleMap {
         map.influences.grow_rows(mesh.vertex_slots());
         let moved: Vec<ParticleId> = strays.iter().map(|s| new_particle[s.0.index()]).collect();
         let mut part = MapPart { from: particles, ..MapPart::default() };
-        map.part_strays(mesh, rest, strips, &moved, &mut Vec::new(), &mut part.rows_before);
+        map.part_strays(mesh.live_vertices(), rest, strips, &moved, &mut Vec::new(), &mut part.rows_before);
         let orphans: Vec<VertexId> = mesh.live_vertices().filter(|v| map.influences.row(v.index()).is_empty()).collect();
         let never_held = |v: &VertexId| part.rows_before.binary_search_by_key(v, |row| row.0).is_err();
         let never_held: Vec<RowBefore> = orphans.iter().copied().filter(never_held).map(|v| (v, Vec::new())).collect();
@@ -103,7 +106,17 @@ impl ParticleMap {
         self.influences.clear_rows(gone.map(VertexId::index));
         let left = |a: &VertexId| a.is_some() && !mesh.vertex_is_live(*a);
         let leaving: Vec<bool> = self.anchors.iter().map(left).collect();
-        let strays = self.strays(rest, |j| leaving[j], mesh.live_vertices());
+        // a small piece is all that its particles hold, and a little more
+        let away = (0..self.len()).map(ParticleId::new).filter(|j| leaving[j.index()]);
+        let held = strips.places.held_by(away, mesh.vertex_slots() / MANY_HELD);
+        let held = held.map(|mut held| {
+            held.retain(|&v| v.index() < self.influences.rows() && mesh.vertex_is_live(v));
+            held
+        });
+        let strays = match &held {
+            Some(held) => self.strays(rest, |j| leaving[j], held.iter().copied()),
+            None => self.strays(rest, |j| leaving[j], mesh.live_vertices()),
+        };
         let mut retired = leaving;
         for &(j, nearest) in &strays {
             self.anchors.set(j.index(), nearest);
@@ -118,7 +131,11 @@ impl ParticleMap {
         }
         self.drop_links(|a, b| retired[a.index()] || retired[b.index()], &mut done.particles_changed);
         let moved: Vec<ParticleId> = strays.iter().map(|s| s.0).collect();
-        self.part_strays(mesh, rest, strips, &moved, &mut done.particles_changed, &mut done.rows_before);
+        let Forgotten { particles_changed, rows_before, .. } = &mut done;
+        match held {
+            Some(held) => self.part_strays(held.into_iter(), rest, strips, &moved, particles_changed, rows_before),
+            None => self.part_strays(mesh.live_vertices(), rest, strips, &moved, particles_changed, rows_before),
+        }
         let before = self.len();
         let lost_all = |v: &VertexId| self.influences.row(v.index()).is_empty();
         let orphans: Vec<VertexId> = done.rows_before.iter().map(|row| row.0).filter(lost_all).collect();
@@ -182,10 +199,11 @@ impl ParticleMap {
         }
     }
 
-    /// From its new anchor a stray may lie across a strip from what it held, or was tied to: that is given up.
+    /// From its new anchor a stray may lie across a strip from what it held, or was tied to: that is given up. `vertices` has all that
+    /// strays hold.
     fn part_strays(
         &mut self,
-        mesh: &Mesh,
+        vertices: impl Iterator<Item = VertexId>,
         rest: &[DVec3],
         strips: &Strips,
         strays: &[ParticleId],
@@ -199,11 +217,11 @@ impl ParticleMap {
         strays.iter().for_each(|j| is_stray[j.index()] = true);
         let anchors = self.anchors.to_vec();
         let connects = |v: VertexId, j: ParticleId| strips.connects_vertices(rest, v, anchors[j.index()]);
-        for v in mesh.live_vertices() {
+        for v in vertices {
             let row = self.influences.row(v.index());
             let stays = |e: &&Influence| !is_stray[e.particle.index()] || connects(v, e.particle);
-            let kept: Vec<Influence> = row.iter().filter(stays).copied().collect();
-            if kept.len() < row.len() {
+            if !row.iter().all(|e| stays(&e)) {
+                let kept: Vec<Influence> = row.iter().filter(stays).copied().collect();
                 before.push((v, row.to_vec()));
                 let sum: f32 = kept.iter().map(|e| e.weight).sum();
                 let kept: Vec<Influence> = kept.iter().map(|e| Influence { weight: e.weight / sum, ..*e }).collect();
@@ -384,5 +402,31 @@ mod tests {
             hash.finish()
         };
         assert_eq!(hash(map), hash(&before));
+    }
+
+    /// What a small piece has left behind is looked for among what its particles hold: the same is found as in all there is.
+    #[test]
+    fn known_holders_tell_what_a_look_at_everything_tells() {
+        let Whole { mesh: before, rest, map, settings } = whole(0.1);
+        let mut mesh = before.clone();
+        let leaves = |f: &crate::geometry::FaceId| before.face(*f).iter().all(|v| rest[v.index()].max_element() < 0.2);
+        let faces: Vec<_> = before.live_faces().filter(leaves).collect();
+        mesh.replace_faces(&faces, &[], |_| 0, &mut crate::geometry::TopologyScratch::default());
+        let gone = || before.live_vertices().filter(|v| !mesh.vertex_is_live(*v));
+        let [all, known] = [false, true].map(|known| {
+            let (mut map, mut strips) = (map.clone(), strip(0.225, &settings));
+            if known {
+                strips.prepare(&rest, &map, &settings);
+                let leaving = (0..map.len()).filter(|&j| !mesh.vertex_is_live(map.anchors[j])).map(ParticleId::new);
+                let held = strips.places.held_by(leaving, rest.len() / MANY_HELD).expect("a few");
+                assert!(held.len() > gone().count() && held.is_sorted());
+            }
+            let done = map.forget(&mesh, &rest, &mut strips, gone());
+            (map, done)
+        });
+        assert!((0..rest.len()).all(|v| all.0.influences.row(v) == known.0.influences.row(v)));
+        assert_eq!((&all.0.anchors[..], &all.1.particles_changed), (&known.0.anchors[..], &known.1.particles_changed));
+        assert_eq!(all.1.rows_before, known.1.rows_before);
+        assert!(!known.1.rows_before.is_empty());
     }
 }

@@ -66,6 +66,20 @@ impl Places {
         }
     }
 
+    /// Vertices that some particles hold or once held, ascending, each once. `None` if that is not known, or they are more than `most`.
+    pub(super) fn held_by(&self, particles: impl Iterator<Item = ParticleId>, most: usize) -> Option<Vec<VertexId>> {
+        let mut held = Vec::new();
+        for j in particles.take_while(|_| self.is_built) {
+            self.holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |v| held.push(v));
+            if held.len() > most {
+                return None;
+            }
+        }
+        held.sort_unstable();
+        held.dedup();
+        self.is_built.then_some(held)
+    }
+
     /// To be called after an undo or a redo: what comes may be noted already, and strips may be other ones.
     pub(super) fn note_travel(&mut self) {
         self.is_built &= !self.is_late;

@@ -3,14 +3,20 @@
 
 use super::rows::VertexRows;
 use super::skinning::Pose;
+use crate::geometry::room::headroom;
 use crate::geometry::{Turn, VertexId};
 use glam::{DVec3, Vec3};
+use std::ops::Range;
+
+/// Entries of [`Fades`] whose changes are told together.
+pub const FADE_BLOCK: usize = 64;
 
 /// Offsets that hold inserted and reweighted vertices where they were at the instant of an edit, and fade (MATHS 2.2).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Fades {
-    /// `c` in the rest frame (metres) and the start time (seconds) of each vertex; zero `c` for none. Empty: no vertex fades.
-    pub entries: Vec<[f32; 4]>,
+    entries: Vec<[f32; 4]>,
+    written: Vec<u64>,
+    writes: u64,
     /// When the last one ends, seconds.
     pub end_s: f64,
     /// How long one takes, seconds; 0: offsets stay for good.
@@ -20,9 +26,47 @@ pub struct Fades {
 }
 
 impl Fades {
-    /// The same rules and times, for other vertices.
-    pub fn like(&self) -> Self {
-        Self { entries: Vec::new(), end_s: self.end_s, duration_s: self.duration_s, longest: self.longest }
+    /// Fades that take `duration_s`; no vertex has one.
+    pub fn new(duration_s: f64) -> Self {
+        Self { duration_s, ..Self::default() }
+    }
+
+    /// `c` in the rest frame (metres) and the start time (seconds) of each vertex; zero `c` for none. Empty: no vertex fades.
+    pub fn entries(&self) -> &[[f32; 4]] {
+        &self.entries
+    }
+
+    /// A number for each [`FADE_BLOCK`] entries, which becomes larger than all others whenever one of them is written; 0 for blocks
+    /// that never were.
+    pub fn written(&self) -> &[u64] {
+        &self.written
+    }
+
+    /// The same rules and times for the vertices of a piece, which were `from` here.
+    pub fn extract(&self, from: &[VertexId]) -> Self {
+        let mut piece = Self { entries: Vec::new(), written: Vec::new(), ..*self };
+        if !self.entries.is_empty() {
+            let known = |v: &VertexId| self.entries.get(v.index()).copied().unwrap_or_default();
+            piece.entries.extend(from.iter().map(known));
+            piece.note(0..from.len());
+        }
+        piece
+    }
+
+    /// To be called after vertices have come or gone at the end: there are `vertices` now. Those that come have no fade.
+    pub fn follow(&mut self, vertices: usize) {
+        let known = self.entries.len();
+        if known > 0 && known != vertices {
+            self.entries.resize(vertices, [0.0; 4]);
+            self.note(known.min(vertices)..vertices);
+        }
+    }
+
+    /// Remembers that entries were written.
+    fn note(&mut self, entries: Range<usize>) {
+        self.writes += 1;
+        self.written.resize(self.entries.len().div_ceil(FADE_BLOCK), 0);
+        self.written[entries.start / FADE_BLOCK..entries.end.div_ceil(FADE_BLOCK)].fill(self.writes);
     }
 
     /// Weight of a fade that began at `start`: a smoothstep from 1 to 0.
@@ -56,9 +100,12 @@ impl Fades {
 
     /// Starts the fade of `v`: `target - position` is what the vertex must be moved by now, `pose` and `rows` its skin.
     pub fn start(&mut self, rows: &VertexRows, pose: &Pose, v: VertexId, moved: DVec3, time_s: f64) {
-        if self.entries.len() < rows.len() {
-            self.entries.resize(rows.len(), [0.0; 4]);
+        if self.entries.is_empty() {
+            // no memory before it is written to
+            self.entries = vec![[0.0; 4]; rows.len() + headroom(rows.len())];
+            self.entries.truncate(rows.len());
         }
+        self.follow(rows.len());
         if !self.running(time_s) {
             self.longest = 0.0;
         }
@@ -67,14 +114,16 @@ impl Fades {
         let inverse = if linear.determinant().abs() > 1e-9 { linear.inverse() } else { glam::DMat3::IDENTITY };
         let c = (inverse * moved).as_vec3();
         self.entries[v.index()] = [c.x, c.y, c.z, time_s as f32];
+        self.note(v.index()..v.index() + 1);
         self.longest = self.longest.max(c.as_dvec3().length());
         self.end_s = self.end_s.max(f64::from(time_s as f32) + self.duration_s);
     }
 
     /// Forgets the fade of `v`.
     pub fn clear(&mut self, v: VertexId) {
-        if let Some(entry) = self.entries.get_mut(v.index()) {
+        if let Some(entry) = self.entries.get_mut(v.index()).filter(|e| **e != [0.0; 4]) {
             *entry = [0.0; 4];
+            self.note(v.index()..v.index() + 1);
         }
     }
 }
@@ -108,4 +157,39 @@ pub fn final_position<'a>(
         position += pose.blended_linear(rows, v) * offset;
     }
     position
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn writes_are_told_block_by_block() {
+        let vertices = 3 * FADE_BLOCK - 5;
+        let mut rows = VertexRows::default();
+        for _ in 0..vertices {
+            rows.push_base([0.0; 3], &[]);
+        }
+        let mut fades = Fades::new(1.0);
+        assert!(fades.entries().is_empty() && fades.written().is_empty());
+        let newer = |fades: &Fades, seen: u64| -> Vec<bool> { fades.written().iter().map(|&at| at > seen).collect() };
+        let latest = |fades: &Fades| fades.written().iter().copied().max().unwrap_or(0);
+        fades.start(&rows, &Pose::default(), VertexId::new(FADE_BLOCK), DVec3::X, 0.0);
+        assert_eq!((fades.entries().len(), newer(&fades, 0)), (vertices, vec![false, true, false]));
+        let mut seen = latest(&fades);
+        fades.clear(VertexId(3)); // has none
+        assert_eq!(latest(&fades), seen);
+        fades.clear(VertexId::new(FADE_BLOCK));
+        assert_eq!(newer(&fades, seen), [false, true, false]);
+        seen = latest(&fades);
+        // vertices that come, also in the place of others that went
+        fades.follow(vertices + 10);
+        assert_eq!(newer(&fades, seen), [false, false, true, true]);
+        fades.follow(FADE_BLOCK + 1);
+        seen = latest(&fades);
+        fades.follow(vertices);
+        assert_eq!(newer(&fades, seen), [false, true, true]);
+        let piece = fades.extract(&[VertexId(0), VertexId(70)]);
+        assert_eq!((piece.entries().len(), newer(&piece, 0)), (2, vec![true]));
+    }
 }

@@ -120,6 +120,18 @@ impl Scene {
         &self.last_boxes
     }
 
+    /// Bounds of all that is seen, model space: of each tissue's, turned as it is. Low and high; infinite the wrong way round for an
+    /// empty scene.
+    pub fn bounds(&self) -> (DVec3, DVec3) {
+        let tissues = self.tissues().map(|(_, t)| {
+            let (low, high) = t.bounds();
+            let corner = |k: usize| DVec3::from_array(std::array::from_fn(|m| if k >> m & 1 == 0 { low[m] } else { high[m] }));
+            let corners = (0..8).map(|k| t.to_model(corner(k)));
+            corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
+        });
+        tissues.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), (low, high)| (l.min(low), h.max(high)))
+    }
+
     /// Whether reports tell areas, volumes and open edges, which needs a look at every face that has moved since the last report:
     /// in a model that beats, at all. They do until told otherwise; a frame that waits for its edits has no time for it. Without,
     /// areas and volumes are NaN, pieces count as open, with no edges, and bytes are those of tears alone.

@@ -49,16 +49,20 @@ impl Tissue {
         if kept.len() < 2 || kept.len() == parts.len() {
             return Vec::new(); // nothing but the body itself stays, or all does
         }
-        let measured: Vec<_> = parts.iter().map(|p| self.measure_part(p).measures).collect();
-        let is_body = |&k: &usize| measured[k].closed() && measured[k].volume > 0.0;
+        let volume = |k: usize| Some(self.measure_part(&parts[k]).measures).filter(|m| m.closed()).map(|m| m.volume);
+        // what has come off is small: it is measured first
+        let bodies: Vec<usize> = (0..parts.len()).filter(|k| !kept.contains(k) && volume(*k).is_some_and(|v| v > 0.0)).collect();
         let plane = Plane::Equation { normal: DVec3::new(0.36, 0.48, 0.8), offset: 0.0 };
-        let around = |&c: &usize| {
+        let around = |c: usize| {
             let from = self.position(self.mesh.face(parts[c].all_faces(&self.mesh).next()?)[0]);
-            let holds = |k: &usize| *k != c && is_body(k) && self.winding(&plane, &parts[*k], from) > 0;
-            (0..parts.len()).filter(holds).min_by(|&a, &b| measured[a].volume.total_cmp(&measured[b].volume))
+            let holds = |k: &usize| *k != c && self.winding(&plane, &parts[*k], from) > 0;
+            if !bodies.iter().any(holds) || volume(c).is_none_or(|v| v >= 0.0) {
+                return None;
+            }
+            let holding = (0..parts.len()).filter(holds).filter_map(|k| Some((k, volume(k).filter(|v| *v > 0.0)?)));
+            holding.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| (c, k))
         };
-        let cavities = kept.iter().filter(|&&c| measured[c].closed() && measured[c].volume < 0.0);
-        cavities.filter_map(|c| Some((*c, around(c)?))).filter(|(_, k)| !kept.contains(k)).collect()
+        kept.iter().filter_map(|&c| around(c)).filter(|(_, k)| !kept.contains(k)).collect()
     }
 
     fn farthest_from(&self, plane: &Plane, part: &Part) -> DVec3 {
@@ -96,9 +100,8 @@ impl Tissue {
         let at = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
         let (low, high) = (p.min(q), p.max(q));
         let (up, down) = self.widening();
-        let bounds = self.sections.current();
         let near = part.sections.iter().filter(|s| {
-            let (section_low, section_high) = bounds.get(s.index()).copied().unwrap_or((low, high));
+            let (section_low, section_high) = self.sections.of(s.index());
             !((section_low - down).cmpgt(high).any() || (section_high + up).cmplt(low).any())
         });
         let (mut count, mut sound) = (0, true);

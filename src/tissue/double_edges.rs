@@ -25,7 +25,8 @@ impl Tissue {
                 for i in 1..spokes.len() {
                     let [(a, first), (b, second)] = [spokes[i - 1], spokes[i]];
                     if a == b {
-                        let choice = if self.is_of_walls(second) { [second, first] } else { [first, second] };
+                        let walls = [second, first].map(|h| self.is_of_walls(h));
+                        let choice = if walls == [false, true] { [first, second] } else { [second, first] };
                         if choice.into_iter().any(|h| self.split_edge(h)) {
                             made += 1;
                             break; // the fan is another now; a third edge would be seen from the other end

@@ -157,9 +157,7 @@ impl Tissue {
             debug_assert_eq!(id, vertex.vertex);
             self.rest.push(self.rows.rest(id));
         }
-        if !self.fades.entries.is_empty() {
-            self.fades.entries.resize(self.rows.len(), [0.0; 4]);
-        }
+        self.fades.follow(self.rows.len());
     }
 
     /// The row of an inserted vertex; one that would be too long is promoted to a base vertex (MATHS 1.4).
@@ -203,46 +201,73 @@ impl Tissue {
         let (map, network) = (&layer.map, &mut layer.network);
         let springs = |p: usize| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight));
         network.update_springs(map.len(), &report.relinked, springs);
-        let Some(layer) = self.layer.as_ref() else { return report };
+        let rotates = network.settings().rotations;
+        let update = std::mem::take(&mut self.scratch.update);
+        let relinked = update.rows_before().filter(|(v, _)| v.index() < old_len);
+        if rotates {
+            let mut targets = std::mem::take(&mut self.scratch.targets);
+            targets.clear();
+            let live = relinked.filter(|(v, _)| self.mesh.vertex_is_live(*v));
+            targets.extend(live.map(|(v, before)| (v, self.position(v) + self.moved_from(v, before))));
+            targets.extend(new.iter().map(|n| (n.vertex, n.position)));
+            self.refresh_turns_held(&mut targets);
+            self.fade_from(targets.iter().copied());
+            self.scratch.targets = targets;
+        } else {
+            self.hold_relinked(relinked);
+            self.fade_from(new.iter().map(|n| (n.vertex, n.position)));
+        }
+        self.scratch.update = update;
+        report
+    }
+
+    /// How far the particles carried a vertex with the influences `before`, less how far they do now, metres.
+    fn moved_from(&self, v: VertexId, before: &[Influence]) -> DVec3 {
+        let Some(layer) = &self.layer else { return DVec3::ZERO };
         let (displacements, turns) = (layer.displacements(), layer.network.turns());
-        let rotates = layer.network.settings().rotations || !turns.is_empty();
-        // where none of its particles is displaced a vertex stands still, whatever its row
-        let is_displaced = |row: &[Influence]| row.iter().any(|i| displacements[i.particle.index()] != DVec3::ZERO);
-        let mut targets = std::mem::take(&mut self.scratch.targets);
-        targets.clear();
-        for (v, before) in self.scratch.update.rows_before() {
-            if v.index() >= old_len || !self.mesh.vertex_is_live(v) {
-                continue;
-            }
-            let now = layer.map.influences.row(v.index());
-            let fades = self.fades.offset(v, self.time_s) != DVec3::ZERO;
-            if fades || rotates || is_displaced(before) || is_displaced(now) {
-                let skinned = self.pose.skin(&self.rows, v);
-                let carried = |row: &[Influence]| displaced(skinned, motions(row, displacements, turns));
-                let by = carried(before) - carried(now);
-                if fades || rotates || by != DVec3::ZERO {
-                    targets.push((v, self.position(v) + by));
-                }
+        // what turns do depends on the place
+        let at = if turns.is_empty() { DVec3::ZERO } else { self.pose.skin(&self.rows, v) };
+        let carried = |row: &[Influence]| displaced(at, motions(row, displacements, turns));
+        carried(before) - carried(layer.map.influences.row(v.index()))
+    }
+
+    /// Vertices whose influences were other ones stay where they stood; dead ones are passed over.
+    pub(super) fn hold_relinked<'a>(&mut self, before: impl Iterator<Item = (VertexId, &'a [Influence])>) {
+        for (v, row) in before {
+            let moved = if self.mesh.vertex_is_live(v) { self.moved_from(v, row) } else { DVec3::ZERO };
+            if moved != DVec3::ZERO {
+                let faded = self.faded(v);
+                self.end_fade(v);
+                self.start_fade(v, moved + faded);
             }
         }
-        targets.extend(new.iter().map(|n| (n.vertex, n.position)));
-        self.refresh_turns_held(&mut targets);
-        self.fade_from(targets.iter().copied());
-        self.scratch.targets = targets;
-        report
     }
 
     /// Starts fades so that each vertex stands at its target now.
     pub(super) fn fade_from(&mut self, targets: impl Iterator<Item = (VertexId, DVec3)>) {
-        let threshold = FADE_THRESHOLD * self.diagonal;
         for (v, target) in targets {
-            let had = self.fades.offset(v, self.time_s) != DVec3::ZERO;
-            self.fades.clear(v);
-            let moved = target - self.position(v);
-            if moved.length() > threshold {
-                self.fades.start(&self.rows, &self.pose, v, moved, self.time_s);
-            }
-            self.versions.fades += u64::from(had || moved.length() > threshold);
+            self.end_fade(v);
+            self.start_fade(v, target - self.position(v));
+        }
+    }
+
+    /// How far the fade of a vertex moves it now, metres.
+    pub(super) fn faded(&self, v: VertexId) -> DVec3 {
+        let offset = self.fades.offset(v, self.time_s);
+        if offset == DVec3::ZERO { offset } else { self.pose.blended_linear(&self.rows, v) * offset }
+    }
+
+    /// Ends the fade of a vertex, if it has one.
+    fn end_fade(&mut self, v: VertexId) {
+        self.versions.fades += u64::from(self.fades.offset(v, self.time_s) != DVec3::ZERO);
+        self.fades.clear(v);
+    }
+
+    /// Starts the fade of a vertex without one, which is to stand `moved` from its place.
+    fn start_fade(&mut self, v: VertexId, moved: DVec3) {
+        if moved.length() > FADE_THRESHOLD * self.diagonal {
+            self.fades.start(&self.rows, &self.pose, v, moved, self.time_s);
+            self.versions.fades += 1;
         }
     }
 }

@@ -83,9 +83,7 @@ impl Tissue {
         for v in self.rest.len()..len {
             self.rest.push(self.rows.rest(VertexId::new(v)));
         }
-        if !self.fades.entries.is_empty() {
-            self.fades.entries.resize(len, [0.0; 4]);
-        }
+        self.fades.follow(len);
         self.versions.fades += 1;
     }
 
@@ -140,9 +138,9 @@ impl Tissue {
     fn validate_sections(&self) -> Result<(), String> {
         let mut sections = self.sections.clone();
         let margin = DVec3::splat(super::sections::SECTION_MARGIN * self.diagonal);
-        let posed = sections.posed(&self.pose, u64::MAX - 1);
+        sections.refresh(&self.pose, u64::MAX);
         for f in self.mesh.live_faces() {
-            let (low, high) = posed[self.mesh.face_info(f).section.index()];
+            let (low, high) = sections.of(self.mesh.face_info(f).section.index());
             for v in self.mesh.face(f) {
                 let p = self.skinned(v);
                 if p.cmplt(low - margin).any() || p.cmpgt(high + margin).any() {

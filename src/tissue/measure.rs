@@ -95,7 +95,7 @@ impl Tissue {
 
     /// To be called after going back or forth by a delta.
     pub(super) fn note_travel(&mut self, inverse: &crate::geometry::MeshDelta) {
-        self.scratch.skins.forget();
+        self.scratch.chords.skins.forget();
         self.tally.graph.note_delta(&self.mesh, inverse);
         (self.tally.whole, self.tally.counts) = (None, None);
     }
@@ -162,8 +162,7 @@ impl Tissue {
             return self.sums();
         }
         self.note_edits();
-        let counts = self.tally.counts.or_else(|| self.tally.graph.kept_totals());
-        let (vertices, lowest_origin) = counts.unwrap_or_else(|| {
+        let (vertices, lowest_origin) = self.tally.counts.unwrap_or_else(|| {
             self.refresh_facts();
             self.tally.graph.totals()
         });
@@ -200,6 +199,8 @@ impl Tissue {
 
     /// Takes back what [`Tissue::parts`] has given, where nothing has come off since: it need not be found again.
     pub fn keep_parts(&mut self, parts: Vec<Part>) {
+        let lowest = parts.iter().map(|p| p.lowest_origin).min();
+        self.adopt_counts(parts.iter().map(|p| p.vertices).sum(), lowest.unwrap_or(u32::MAX));
         self.tally.graph.keep(parts);
     }
 

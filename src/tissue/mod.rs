@@ -182,7 +182,9 @@ struct TissueScratch {
     /// Anchors and displacements of what hands hold.
     followed: Vec<(DVec3, DVec3)>,
     turns: rotation::TurnScratch,
-    skins: positions::Skins,
+    chords: chords::ChordScratch,
+    /// Versions of the pose and of the structure for which all particles are at rest, and told where that is.
+    rests: Option<[u64; 2]>,
 }
 
 /// A wound this near to its full opening, as a fraction of the diagonal, has opened.
@@ -276,7 +278,7 @@ impl Tissue {
             frame: RigidPose::at(offset),
             diagonal: 0.0,
             layer: None,
-            fades: Fades { duration_s: settings.fade_s, ..Fades::default() },
+            fades: Fades::new(settings.fade_s),
             time_s: 0.0,
             pose,
             animation: None,
@@ -445,7 +447,7 @@ impl Tissue {
     /// Brings the section bounds to the current pose: [`Tissue::blade_entry`] looks by them. Costs next to nothing while the pose stays.
     pub fn refresh_sections(&mut self) {
         let version = self.versions.pose;
-        self.sections.posed(&self.pose, version);
+        self.sections.refresh(&self.pose, version);
         self.refresh_turn_reach();
     }
 
@@ -491,7 +493,13 @@ impl Tissue {
     pub fn step(&mut self, step_s: f64) {
         self.push_particles(step_s);
         let Some(layer) = &mut self.layer else { return };
-        let TissueScratch { step, rest_displacements, held, followed, .. } = &mut self.scratch;
+        let TissueScratch { step, rest_displacements, held, followed, rests, .. } = &mut self.scratch;
+        let stands = !layer.network.awake() && !layer.is_opening() && held.is_empty();
+        let now = Some([self.versions.pose, self.versions.structure]);
+        if stands && *rests == now {
+            return;
+        }
+        *rests = now.filter(|_| stands);
         followed.clear();
         followed.extend(held.iter().map(|h| (h.1, h.2)));
         layer.open_wounds(step_s, self.diagonal);
@@ -566,7 +574,7 @@ impl Tissue {
     /// Adds dynamics to [`Tissue::edit_hash`]: displacements, velocities, fades.
     pub fn state_hash(&self, hash: &mut StateHash) {
         self.edit_hash(hash);
-        hash.bytes(bytemuck::cast_slice(&self.fades.entries));
+        hash.bytes(bytemuck::cast_slice(self.fades.entries()));
         let RigidPose { rotation, translation } = self.frame;
         rotation.to_array().into_iter().chain(translation.to_array()).for_each(|x| hash.word(x.to_bits()));
         if let Some(layer) = &self.layer {

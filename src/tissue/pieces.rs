@@ -5,8 +5,8 @@
 
 use super::{SoftLayer, Tissue};
 use crate::geometry::{Components, Extraction, FaceId, ParticleId, SectionId, VertexId};
-use crate::particles::{Influence, ParticleMap, RowBefore};
-use crate::rig::{Fades, RowEntry, VertexRows};
+use crate::particles::{ParticleMap, RowBefore};
+use crate::rig::{RowEntry, VertexRows};
 use glam::DVec3;
 
 /// A piece whose sections are on average this much emptier than they may be gets new ones.
@@ -83,8 +83,6 @@ impl Tissue {
     fn extract(&self, faces: &[FaceId], map: &mut Extraction) -> Tissue {
         let rows = &self.rows;
         let mesh = self.mesh.extract(faces, |v| rows.rows.row(v.index()).iter().map(|e| e.base), map);
-        let known = |v: &VertexId| self.fades.entries.get(v.index()).copied().unwrap_or_default();
-        let entries = if self.fades.entries.is_empty() { Vec::new() } else { map.vertex_from.iter().map(known).collect() };
         let mut piece = Tissue {
             name: self.name.clone(),
             mesh,
@@ -93,7 +91,7 @@ impl Tissue {
             rig: self.rig.clone(),
             materials: self.materials.clone(),
             layer: None,
-            fades: Fades { entries, ..self.fades.like() },
+            fades: self.fades.extract(&map.vertex_from),
             pose: self.pose.clone(),
             sections: self.sections.extract(&map.section_from),
             scratch: Default::default(),
@@ -115,7 +113,7 @@ impl Tissue {
                 piece.refresh_turns();
                 piece.fade_from(targets.into_iter());
             } else {
-                piece.hold_changed(&rows_before);
+                piece.hold_relinked(rows_before.iter().map(|(v, row)| (*v, row.as_slice())));
             }
         }
         piece
@@ -141,22 +139,8 @@ impl Tissue {
             self.refresh_turns();
             self.fade_from(stood.into_iter());
         } else {
-            self.hold_changed(&done.rows_before);
+            self.hold_relinked(done.rows_before.iter().map(|(v, row)| (*v, row.as_slice())));
         }
-    }
-
-    /// Vertices whose influences have changed from `before` stay where they stood.
-    fn hold_changed(&mut self, before: &[RowBefore]) {
-        let Some(layer) = &self.layer else { return };
-        let displaced = |row: &[Influence]| -> DVec3 {
-            row.iter().map(|i| layer.displacements()[i.particle.index()] * f64::from(i.weight)).sum()
-        };
-        let moved = |(v, row): &RowBefore| {
-            let by = displaced(row) - displaced(layer.map.influences.row(v.index()));
-            (*v, self.position(*v) + by)
-        };
-        let targets: Vec<(VertexId, DVec3)> = before.iter().map(moved).collect();
-        self.fade_from(targets.into_iter());
     }
 }
 

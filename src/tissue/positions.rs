@@ -6,20 +6,21 @@ use crate::geometry::room::fit;
 use glam::DVec3;
 use std::cell::Cell;
 
-/// Positions by vertex, each computed when first asked for and known for as long as `key` stays what it is.
+/// Values by index (positions by vertex), each computed when first asked for and known for as long as `key` stays what it is.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Rounds<K> {
-    at: Vec<Cell<DVec3>>,
+pub(super) struct Rounds<K, T: Copy = DVec3> {
+    at: Vec<Cell<T>>,
     /// The round in which each was computed.
     known: Vec<Cell<u32>>,
     round: u32,
     key: K,
 }
 
-impl<K: PartialEq> Rounds<K> {
-    /// To be called before positions are asked for: forgets them if `key` is another, and makes room for vertices.
-    pub(super) fn refresh(&mut self, key: K, slots: usize) {
-        if self.round == 0 || key != self.key {
+impl<K: PartialEq, T: Copy + Default> Rounds<K, T> {
+    /// To be called before values are asked for: forgets them if `key` is another, which it returns, and makes room for `slots`.
+    pub(super) fn refresh(&mut self, key: K, slots: usize) -> bool {
+        let is_new = self.round == 0 || key != self.key;
+        if is_new {
             if self.round == u32::MAX {
                 self.known.iter().for_each(|k| k.set(0));
                 self.round = 0;
@@ -28,22 +29,30 @@ impl<K: PartialEq> Rounds<K> {
             self.key = key;
         }
         self.grow(slots);
+        is_new
     }
 
     fn grow(&mut self, slots: usize) {
         fit(&mut self.known, slots, Cell::new(0));
-        fit(&mut self.at, slots, Cell::new(DVec3::ZERO));
+        fit(&mut self.at, slots, Cell::new(T::default()));
     }
 
-    /// The position of `v`, from `compute` if it is not known. Vertices made since the last refresh are computed.
+    /// Forgets one value.
+    pub(super) fn forget(&self, i: usize) {
+        if let Some(known) = self.known.get(i) {
+            known.set(0);
+        }
+    }
+
+    /// Value `i`, from `compute` if it is not known. Those beyond the slots of the last refresh are computed.
     #[inline]
-    pub(super) fn get(&self, v: VertexId, compute: impl FnOnce() -> DVec3) -> DVec3 {
-        let Some(known) = self.known.get(v.index()) else { return compute() };
+    pub(super) fn get(&self, i: usize, compute: impl FnOnce() -> T) -> T {
+        let Some(known) = self.known.get(i) else { return compute() };
         if known.get() != self.round {
-            self.at[v.index()].set(compute());
+            self.at[i].set(compute());
             known.set(self.round);
         }
-        self.at[v.index()].get()
+        self.at[i].get()
     }
 }
 
@@ -89,14 +98,14 @@ impl PositionCache {
     /// stood.
     pub(super) fn edited(&mut self, tissue: &Tissue, changed: impl Iterator<Item = VertexId>) {
         self.0.grow(tissue.mesh.vertex_slots());
-        changed.for_each(|v| self.0.known[v.index()].set(0));
+        changed.for_each(|v| self.0.forget(v.index()));
         self.0.key = Self::moment(tissue);
     }
 
     /// [`Rounds::get`].
     #[inline]
     pub(super) fn get(&self, v: VertexId, compute: impl FnOnce() -> DVec3) -> DVec3 {
-        self.0.get(v, compute)
+        self.0.get(v.index(), compute)
     }
 
     /// [`Tissue::position`] through the cache.
@@ -125,6 +134,6 @@ impl Skins {
     /// [`Tissue::skinned`] through the cache.
     #[inline]
     pub(super) fn of(&self, tissue: &Tissue, v: VertexId) -> DVec3 {
-        self.0.get(v, || tissue.skinned(v))
+        self.0.get(v.index(), || tissue.skinned(v))
     }
 }

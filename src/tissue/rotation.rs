@@ -7,6 +7,7 @@ use super::{Tissue, motions};
 use crate::geometry::{SectionId, Turn, VertexId};
 use crate::rig::displaced;
 use glam::{DMat3, DVec3};
+use std::ops::Range;
 
 /// Buffers, kept between frames.
 #[derive(Debug, Default)]
@@ -101,7 +102,8 @@ impl Tissue {
         let margin = SECTION_MARGIN * self.diagonal;
         stamps.clear();
         stamps.resize(turns.len(), u32::MAX);
-        for (s, &(low, high)) in self.sections.current().iter().enumerate() {
+        for s in 0..self.sections.len() {
+            let (low, high) = self.sections.of(s);
             let mut farthest: f64 = 0.0;
             let vertices = self.mesh.section_faces(SectionId::new(s)).flat_map(|f| self.mesh.face(f));
             for i in vertices.filter(|v| v.index() < influences.rows()).flat_map(|v| influences.row(v.index())) {
@@ -115,10 +117,11 @@ impl Tissue {
         }
     }
 
-    /// How far turns may carry a vertex of a section from where displacements alone carry it, metres. As of the last
+    /// How far turns may carry a vertex of some sections from where displacements alone carry it, metres. As of the last
     /// [`Tissue::refresh_sections`].
-    pub(super) fn turn_reach(&self, section: usize) -> DVec3 {
-        DVec3::splat(self.scratch.turns.reach.get(section).copied().unwrap_or(0.0))
+    pub(super) fn turn_reach(&self, sections: Range<usize>) -> DVec3 {
+        let reach = sections.filter_map(|s| self.scratch.turns.reach.get(s));
+        DVec3::splat(reach.fold(0.0, |most, r| most.max(*r)))
     }
 }
 
@@ -257,7 +260,7 @@ mod tests {
         let after = held.layer.as_ref().unwrap().network.turns();
         assert!(turns.iter().zip(after).filter(|(a, b)| a != b).count() > 10);
         // Broken twin: the same turns without the fades.
-        held.fades.entries.clear();
+        held.fades = Default::default();
         assert!(off(&held) > 1e-5, "{:e}", off(&held));
     }
 

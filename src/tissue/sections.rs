@@ -1,8 +1,10 @@
 //! Section bounds in the current pose (MATHS 5.8): where an edit need not look.
 
+use super::positions::Rounds;
 use crate::geometry::{Mesh, SectionId, VertexId};
 use crate::rig::{JointMatrix, Pose, VertexRows};
 use glam::{DAffine3, DVec3};
+use std::ops::Range;
 
 /// Bounds of the rest positions that one joint moves; `joint` is [`STATIC`] for those that none does.
 #[derive(Clone, Copy, Debug)]
@@ -17,19 +19,92 @@ pub(super) const SECTION_MARGIN: f64 = 1e-6;
 
 const STATIC: u32 = u32::MAX;
 
+/// Sections that are looked at together: an edit need not look at any of them where it misses them all.
+const GROUP: usize = 16;
+
+/// Bounds by joint of many parts of a mesh.
+#[derive(Clone, Debug)]
+struct JointRows {
+    start: Vec<u32>,
+    joints: Vec<JointBounds>,
+}
+
+impl Default for JointRows {
+    fn default() -> Self {
+        Self { start: vec![0], joints: Vec::new() }
+    }
+}
+
+impl JointRows {
+    fn len(&self) -> usize {
+        self.start.len() - 1
+    }
+
+    fn range(&self, row: usize) -> Range<usize> {
+        self.start[row] as usize..self.start[row + 1] as usize
+    }
+
+    fn row(&self, row: usize) -> &[JointBounds] {
+        &self.joints[self.range(row)]
+    }
+
+    /// Widens the row that has not ended yet.
+    fn add(&mut self, by: &JointBounds) {
+        let first = self.start[self.len()] as usize;
+        if !join(&mut self.joints[first..], by) {
+            self.joints.push(*by);
+        }
+    }
+
+    /// Ends the row that the last joints belong to.
+    fn end_row(&mut self) {
+        self.start.push(self.joints.len() as u32);
+    }
+
+    /// Rows for runs of [`GROUP`] rows each.
+    fn grouped(&self) -> Self {
+        let mut groups = Self::default();
+        for first in (0..self.len()).step_by(GROUP) {
+            (first..(first + GROUP).min(self.len())).flat_map(|s| self.row(s)).for_each(|by| groups.add(by));
+            groups.end_row();
+        }
+        groups
+    }
+
+    /// Widens a row by bounds.
+    fn widen(&mut self, row: usize, by: &JointBounds) {
+        let range = self.range(row);
+        let end = range.end;
+        if !join(&mut self.joints[range], by) {
+            self.joints.insert(end, *by);
+            self.start[row + 1..].iter_mut().for_each(|start| *start += 1);
+        }
+    }
+}
+
+/// Widens those of `joints` that have the joint of `by`; false if there are none.
+fn join(joints: &mut [JointBounds], by: &JointBounds) -> bool {
+    let known = joints.iter_mut().find(|b| b.joint == by.joint);
+    known.map(|b| (b.min, b.max) = (b.min.min(by.min), b.max.max(by.max))).is_some()
+}
+
 /// Bounds of every section, joint by joint at rest, and posed when asked for.
 ///
 /// Rows of surface vertices are convex combinations of base vertices of the same section, so what an edit inserts stays
-/// inside; only walls inside the volume widen them ([`SectionBounds::widen`]).
+/// inside; only walls inside the volume widen them ([`SectionBounds::widen_by`]).
 #[derive(Clone, Debug, Default)]
 pub struct SectionBounds {
-    start: Vec<u32>,
-    joints: Vec<JointBounds>,
-    posed: Vec<(DVec3, DVec3)>,
-    posed_version: u64,
+    sections: JointRows,
+    /// Of [`GROUP`] sections each.
+    groups: JointRows,
+    posed: Rounds<u64, Bounds>,
+    posed_groups: Rounds<u64, Bounds>,
     /// The pose's joints; each moves boxes of many sections.
     frames: Vec<Frame>,
 }
+
+/// Low and high corner.
+type Bounds = (DVec3, DVec3);
 
 /// What moves a box: the columns of a joint's matrix in f64, their sizes, and the translation.
 #[derive(Clone, Copy, Debug)]
@@ -50,98 +125,85 @@ impl Frame {
 impl SectionBounds {
     /// Gathers the bounds of every section's faces.
     pub fn build(mesh: &Mesh, rows: &VertexRows) -> Self {
-        let mut bounds = Self { start: vec![0], posed_version: u64::MAX, ..Self::default() };
+        let mut sections = JointRows::default();
         for s in 0..mesh.sections() {
-            let first = bounds.joints.len();
             for v in mesh.section_faces(SectionId::new(s)).flat_map(|f| mesh.face(f)) {
-                let row = rows.rows.row(v.index());
-                if row.is_empty() {
-                    bounds.add_base(first, rows, v);
-                }
-                for entry in row {
-                    bounds.add_base(first, rows, entry.base);
-                }
+                each_base(rows, v, |by| sections.add(by));
             }
-            bounds.start.push(bounds.joints.len() as u32);
+            sections.end_row();
         }
-        bounds
+        Self { groups: sections.grouped(), sections, ..Self::default() }
     }
 
-    fn add_base(&mut self, first: usize, rows: &VertexRows, v: VertexId) {
-        let rest = rows.rest(v);
-        let bones = rows.bones.row(v.index());
-        let statics = bones.is_empty().then_some(STATIC);
-        for joint in bones.iter().filter(|b| b.weight != 0.0).map(|b| b.joint).chain(statics) {
-            match self.joints[first..].iter_mut().find(|b| b.joint == joint) {
-                Some(b) => (b.min, b.max) = (b.min.min(rest), b.max.max(rest)),
-                None => self.joints.push(JointBounds { joint, min: rest, max: rest }),
-            }
-        }
-    }
-
-    /// Widens a section by the base vertices that `vertices` lean on, at rest and as last posed.
-    pub fn widen_by(&mut self, section: SectionId, rows: &VertexRows, vertices: impl Iterator<Item = VertexId>, pose: &Pose) {
+    /// Widens a section by the base vertices that `vertices` lean on.
+    pub fn widen_by(&mut self, section: SectionId, rows: &VertexRows, vertices: impl Iterator<Item = VertexId>) {
         let s = section.index();
         if s >= self.len() {
             return;
         }
-        let after = self.start[s + 1] as usize;
-        let mut own = Self { joints: self.joints[self.start[s] as usize..after].to_vec(), ..Self::default() };
         for v in vertices {
-            let row = rows.rows.row(v.index());
-            if row.is_empty() {
-                own.add_base(0, rows, v);
-            }
-            for entry in row {
-                own.add_base(0, rows, entry.base);
-            }
+            each_base(rows, v, |by| {
+                self.sections.widen(s, by);
+                self.groups.widen(s / GROUP, by);
+            });
         }
-        let more = own.joints.len() - (after - self.start[s] as usize);
-        self.joints.splice(self.start[s] as usize..after, own.joints);
-        for start in &mut self.start[s + 1..] {
-            *start += more as u32;
-        }
-        if let Some(posed) = self.posed.get_mut(s) {
-            let range = self.start[s] as usize..self.start[s + 1] as usize;
-            let frames: Vec<Frame> = pose.joint_matrices.iter().map(Frame::of).collect();
-            *posed = pose_all(&self.joints[range], &frames);
-        }
+        self.posed.forget(s);
+        self.posed_groups.forget(s / GROUP);
     }
 
     /// The bounds of some sections, for a piece that they come along with. They hold what is left of each, and may hold more.
-    pub fn extract(&self, sections: &[SectionId]) -> Self {
-        let mut part = Self { start: vec![0], posed_version: self.posed_version, ..Self::default() };
-        for s in sections.iter().map(|s| s.index()).filter(|&s| s < self.len()) {
-            part.joints.extend_from_slice(&self.joints[self.start[s] as usize..self.start[s + 1] as usize]);
-            part.start.push(part.joints.len() as u32);
-            part.posed.extend(self.posed.get(s));
+    pub fn extract(&self, from: &[SectionId]) -> Self {
+        let mut sections = JointRows::default();
+        for s in from.iter().map(|s| s.index()).filter(|&s| s < self.len()) {
+            sections.joints.extend_from_slice(self.sections.row(s));
+            sections.end_row();
         }
-        part
+        Self { groups: sections.grouped(), sections, frames: self.frames.clone(), ..Self::default() }
     }
 
     /// Number of sections.
-    fn len(&self) -> usize {
-        self.start.len().saturating_sub(1)
+    pub fn len(&self) -> usize {
+        self.sections.len()
     }
 
-    /// What [`SectionBounds::posed`] last computed.
-    pub fn current(&self) -> &[(DVec3, DVec3)] {
-        &self.posed
-    }
-
-    /// Bounds of every section in `pose`, without displacements; recomputed only when `version` changes.
-    pub fn posed(&mut self, pose: &Pose, version: u64) -> &[(DVec3, DVec3)] {
-        if self.posed_version != version {
-            self.posed_version = version;
-            self.posed.clear();
+    /// To be called before bounds are asked for: takes up `pose`, if `version` is another than it was.
+    pub fn refresh(&mut self, pose: &Pose, version: u64) {
+        self.posed_groups.refresh(version, self.groups.len());
+        if self.posed.refresh(version, self.sections.len()) {
             self.frames.clear();
             self.frames.extend(pose.joint_matrices.iter().map(Frame::of));
-            for range in self.start.windows(2) {
-                self.posed.push(pose_all(&self.joints[range[0] as usize..range[1] as usize], &self.frames));
-            }
         }
-        &self.posed
     }
+
+    /// Bounds of a section in the pose, without displacements.
+    pub fn of(&self, section: usize) -> (DVec3, DVec3) {
+        self.posed.get(section, || pose_all(self.sections.row(section), &self.frames))
+    }
+
+    /// Runs of sections, with bounds of each as a whole.
+    pub fn groups(&self) -> impl Iterator<Item = (Range<usize>, (DVec3, DVec3))> {
+        (0..self.groups.len()).map(|g| {
+            let bounds = self.posed_groups.get(g, || pose_all(self.groups.row(g), &self.frames));
+            (GROUP * g..(GROUP * (g + 1)).min(self.len()), bounds)
+        })
+    }
+}
+
+/// Rest positions that a vertex leans on, with the joints that move them.
+fn each_base(rows: &VertexRows, v: VertexId, mut each: impl FnMut(&JointBounds)) {
+    let mut base = |v: VertexId| {
+        let rest = rows.rest(v);
+        let bones = rows.bones.row(v.index());
+        let statics = bones.is_empty().then_some(STATIC);
+        for joint in bones.iter().filter(|b| b.weight != 0.0).map(|b| b.joint).chain(statics) {
+            each(&JointBounds { joint, min: rest, max: rest });
+        }
+    };
+    let row = rows.rows.row(v.index());
+    if row.is_empty() {
+        base(v);
+    }
+    row.iter().for_each(|entry| base(entry.base));
 }
 
 /// Box around all of a section's joints.

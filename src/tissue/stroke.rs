@@ -518,7 +518,7 @@ impl TearStroke {
         report.vertices_visited = update.vertices_visited;
         tissue.scratch.update.reuse(update);
         let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
-        report.wall_deviation = corners.map(|n| tissue.held_by(n.vertex)).fold(0.0, f64::max);
+        report.wall_deviation = corners.map(|n| tissue.faded(n.vertex).length()).fold(0.0, f64::max);
         tissue.versions.structure += 1;
         self.close_notes(tissue, report);
         end

@@ -4,6 +4,7 @@ use super::Tissue;
 use super::sections::SECTION_MARGIN;
 use crate::geometry::{FaceId, Plane, SectionId, VertexId};
 use glam::DVec3;
+use std::ops::Range;
 
 impl Tissue {
     /// Faces of the sections whose posed bounds, widened by all displacements, meet `low..high` (tissue space), section by section.
@@ -13,29 +14,24 @@ impl Tissue {
         out.extend(self.faces_where(move |l, h| !(l.cmpgt(high).any() || h.cmplt(low).any())));
     }
 
-    /// Faces of the sections whose widened posed bounds, low and high, satisfy `meets`.
-    pub(super) fn faces_where(&self, meets: impl Fn(DVec3, DVec3) -> bool) -> impl Iterator<Item = FaceId> {
+    /// Faces of the sections whose widened posed bounds, low and high, satisfy `meets`. What a box does not, no box in it does.
+    pub(super) fn faces_where(&self, meets: impl Fn(DVec3, DVec3) -> bool + Copy) -> impl Iterator<Item = FaceId> {
         let widen = self.widening();
-        self.faces_of_sections(move |s, low, high| {
-            let turned = self.turn_reach(s);
+        let seen = move |sections: Range<usize>, (low, high): (DVec3, DVec3)| {
+            let turned = self.turn_reach(sections);
             meets(low - widen.1 - turned, high + widen.0 + turned)
-        })
-    }
-
-    /// Faces of the sections whose number and posed bounds, low and high, satisfy `meets`: where bones alone move them.
-    pub(super) fn faces_of_sections(&self, meets: impl Fn(usize, DVec3, DVec3) -> bool) -> impl Iterator<Item = FaceId> {
-        let near = move |(s, bounds): &(usize, &(DVec3, DVec3))| meets(*s, bounds.0, bounds.1);
-        let sections = self.sections.current().iter().enumerate().filter(near);
-        sections.flat_map(|(s, _)| self.mesh.section_faces(SectionId::new(s)))
+        };
+        let groups = self.sections.groups().filter(move |(group, bounds)| seen(group.clone(), *bounds));
+        let sections = groups.flat_map(|(group, _)| group).filter(move |&s| seen(s..s + 1, self.sections.of(s)));
+        sections.flat_map(|s| self.mesh.section_faces(SectionId::new(s)))
     }
 
     /// Bounds that hold the tissue as it is seen, from those of its sections: no vertex is posed. Call
     /// [`Tissue::refresh_sections`] first.
     pub(super) fn sections_extent(&self) -> (DVec3, DVec3) {
         let (up, down) = self.widening();
-        let sections = self.sections.current().iter().enumerate();
-        let (low, high) = sections.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), (s, &(low, high))| {
-            let turned = self.turn_reach(s);
+        let (low, high) = self.sections.groups().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), (group, (low, high))| {
+            let turned = self.turn_reach(group);
             (l.min(low - turned), h.max(high + turned))
         });
         (low - down, high + up)
@@ -48,19 +44,26 @@ impl Tissue {
         let widen = self.widening();
         let normal = plane.normal();
         let (size, level) = (normal.abs(), plane.distance(DVec3::ZERO));
-        let mut beyond = [false; 2];
-        for (s, &(low, high)) in self.sections.current().iter().enumerate() {
-            let mut faces = self.mesh.section_faces(SectionId::new(s)).peekable();
-            if faces.peek().is_none() {
-                continue;
-            }
-            let turned = self.turn_reach(s);
+        // the side that all of some sections lie on
+        let side = |sections: Range<usize>, (low, high): (DVec3, DVec3)| {
+            let turned = self.turn_reach(sections);
             let (low, high) = (low - widen.1 - turned, high + widen.0 + turned);
             let (middle, reach) = (normal.dot((low + high) / 2.0) + level, size.dot((high - low) / 2.0));
-            match middle {
-                m if m > reach => beyond[0] = true,
-                m if m < -reach => beyond[1] = true,
-                _ => out.extend(faces),
+            if middle > reach { Some(0) } else { (middle < -reach).then_some(1) }
+        };
+        let faces = |s: usize| self.mesh.section_faces(SectionId::new(s));
+        let is_filled = |&s: &usize| faces(s).next().is_some();
+        let mut beyond = [false; 2];
+        for (mut group, bounds) in self.sections.groups() {
+            if let Some(side) = side(group.clone(), bounds) {
+                beyond[side] |= group.any(|s| is_filled(&s));
+                continue;
+            }
+            for s in group.filter(is_filled) {
+                match side(s..s + 1, self.sections.of(s)) {
+                    Some(side) => beyond[side] = true,
+                    None => out.extend(faces(s)),
+                }
             }
         }
         beyond
@@ -68,10 +71,9 @@ impl Tissue {
 
     /// A vertex of the section whose posed bounds are nearest to `p`: near enough to tie a point of space to the tissue.
     pub(super) fn any_vertex_near(&self, p: DVec3) -> Option<VertexId> {
-        let away = |&(low, high): &(DVec3, DVec3)| (p.clamp(low.min(high), high.max(low)) - p).length_squared();
-        let bounds = self.sections.current();
-        let filled = (0..bounds.len()).filter(|&s| self.mesh.section_faces(SectionId::new(s)).next().is_some());
-        let section = filled.min_by(|&a, &b| away(&bounds[a]).total_cmp(&away(&bounds[b])))?;
+        let away = |(low, high): (DVec3, DVec3)| (p.clamp(low.min(high), high.max(low)) - p).length_squared();
+        let filled = (0..self.sections.len()).filter(|&s| self.mesh.section_faces(SectionId::new(s)).next().is_some());
+        let section = filled.min_by(|&a, &b| away(self.sections.of(a)).total_cmp(&away(self.sections.of(b))))?;
         let vertices = self.mesh.section_faces(SectionId::new(section)).flat_map(|f| self.mesh.face(f));
         let near = |v: &VertexId| self.position(*v).distance_squared(p);
         vertices.min_by(|a, b| near(a).total_cmp(&near(b)).then(a.cmp(b)))
@@ -113,7 +115,7 @@ impl Tissue {
     /// by index counts.
     pub(super) fn blade_entry_at(&self, tip: DVec3, base: DVec3, position: impl Fn(VertexId) -> DVec3) -> Option<(f64, FaceId)> {
         let mut first: Option<(f64, FaceId)> = None;
-        for f in self.faces_where(|low, high| segment_meets_box(tip, base, low, high)) {
+        for f in self.faces_where(move |low, high| segment_meets_box(tip, base, low, high)) {
             if let Some(s) = segment_triangle(base, tip, self.mesh.face(f).map(&position))
                 && first.is_none_or(|best| (s, f) < best)
             {

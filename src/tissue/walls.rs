@@ -50,9 +50,9 @@ impl Tissue {
             return self.rows.push_base(n.position.as_vec3().to_array(), &[]);
         }
         let skinned = n.position - self.moved_by(parent, made);
-        let mut skins = std::mem::take(&mut self.scratch.skins);
-        let hanging = self.hang(parent, skinned, made, &mut skins);
-        self.scratch.skins = skins;
+        let mut chords = std::mem::take(&mut self.scratch.chords);
+        let hanging = self.hang(parent, skinned, made, &mut chords);
+        self.scratch.chords = chords;
         if let Some(hanging) = hanging {
             return self.rows.push_embedded(&hanging);
         }
@@ -120,25 +120,19 @@ impl Tissue {
 
     /// Widens the sections that list `faces`, so that their corners lie inside.
     pub(super) fn widen_sections(&mut self, faces: impl Iterator<Item = FaceId>) {
-        let Self { mesh, rows, pose, sections, scratch, .. } = self;
+        let Self { mesh, rows, sections, scratch, .. } = self;
         let corners = &mut scratch.corners;
         corners.clear();
         corners.extend(faces.flat_map(|f| mesh.face(f).map(|v| (mesh.face_info(f).section, v))));
         corners.sort_unstable();
         corners.dedup();
         for run in corners.chunk_by(|a, b| a.0 == b.0) {
-            sections.widen_by(run[0].0, rows, run.iter().map(|c| c.1), pose);
+            sections.widen_by(run[0].0, rows, run.iter().map(|c| c.1));
         }
     }
 
     /// Widens one section by many vertices at once.
     pub(super) fn widen_section(&mut self, section: SectionId, vertices: impl Iterator<Item = VertexId>) {
-        self.sections.widen_by(section, &self.rows, vertices, &self.pose);
-    }
-
-    /// How far a vertex would stand from where it is held, metres: the length of its fade's offset.
-    pub(super) fn held_by(&self, v: VertexId) -> f64 {
-        let offset = self.fades.offset(v, self.time_s);
-        if offset == DVec3::ZERO { 0.0 } else { (self.pose.blended_linear(&self.rows, v) * offset).length() }
+        self.sections.widen_by(section, &self.rows, vertices);
     }
 }

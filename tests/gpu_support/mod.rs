@@ -77,6 +77,7 @@ impl Model {
             displacements: &self.displacements,
             rotations: &self.rotations,
             fades: &self.fades,
+            fades_written: &[],
             fade_duration_s: self.fade_duration_s,
             time_s: self.time_s,
             pose: &self.pose,

@@ -5,7 +5,6 @@ use super::record::{FrameNote, Inserted, StrokeNote, inserted_vertices};
 use super::{Loaded, Request, Setup};
 use crate::app::{App, FrameReport};
 use crate::gpu::{Bounds, Camera, GpuError};
-use crate::host::headless::visible_bounds;
 use crate::host::models::{self, Arrival, Loader, Wake};
 use crate::input::tools::{OrbitCamera, PointerTools, Preview, ToolSettings};
 use crate::input::{CameraPose, InputFrame};
@@ -100,7 +99,7 @@ impl Session {
 
     /// Makes tools, camera and panel ready for the scene that is now in the app.
     fn begin(&mut self, name: String, size: [f64; 2]) {
-        let (low, high) = visible_bounds(&self.app);
+        let (low, high) = self.app.scene.bounds();
         let diagonal = (high - low).length();
         let diagonal = if diagonal.is_finite() && diagonal > 0.0 { diagonal } else { 1.0 };
         let width = self.panel.config.tear.width * diagonal;
@@ -131,7 +130,7 @@ impl Session {
 
     /// Shows the whole model from the front.
     pub fn frame_model(&mut self, size: [f64; 2]) {
-        let (min, max) = visible_bounds(&self.app);
+        let (min, max) = self.app.scene.bounds();
         let direction = DVec3::new(0.25, 0.35, 1.0);
         let aspect = (size[0] / size[1].max(1.0)).max(0.1);
         let camera = Camera::framing(Bounds { min, max }, direction, DVec3::Y, FOV_Y, aspect);

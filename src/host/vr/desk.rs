@@ -12,7 +12,6 @@ use super::space::{Placement, Pose};
 use crate::app::{App, FrameReport};
 use crate::diagnostics::Stages;
 use crate::formats::BUNDLED;
-use crate::host::headless::visible_bounds;
 use crate::host::models::{self, Arrival, Loaded, Loader, Request};
 use crate::input::InputFrame;
 use crate::panel::{PanelAction, PanelState};
@@ -233,7 +232,7 @@ fn edit(command: EditCommand, hands: &mut Hands, frame: &mut InputFrame) {
 }
 
 fn place(app: &App, hands: &mut Hands, head: &Pose) {
-    let (low, high) = visible_bounds(app);
+    let (low, high) = app.scene.bounds();
     hands.set_placement(Placement::within_reach(low, high, head));
 }
 

@@ -44,7 +44,7 @@ impl Room {
             keep_reports: false,
         };
         let app = App::new(scene("sphere"), 1.0, || 0);
-        let (low, high) = visible_bounds(&app);
+        let (low, high) = app.scene.bounds();
         let hands = Hands::new(options.config.vr, 0.01, Placement::within_reach(low, high, &HEAD));
         let desk = Desk::new(&app, &options, "a card");
         Self { app, hands, options, frame: InputFrame::default(), desk }
@@ -138,6 +138,6 @@ fn another_model_takes_the_place_of_the_one_there_was_and_a_broken_one_does_not(
     let state = &room.desk.board.state;
     assert_eq!((state.model.as_str(), state.animation, state.animations.len()), ("beam", Some(0), 1));
     assert!(room.app.scene.edit_hash() != before && room.app.scene.animation() == Some(0));
-    let (low, high) = visible_bounds(&room.app);
+    let (low, high) = room.app.scene.bounds();
     assert_eq!(*room.hands.placement(), Placement::within_reach(low, high, &HEAD));
 }

@@ -20,7 +20,6 @@ use crate::app::{App, FrameCounters, FrameReport, FrameTarget};
 use crate::config::{Config, VrSettings};
 use crate::diagnostics::Stages;
 use crate::gpu::{Instrument, LineSegment};
-use crate::host::headless::visible_bounds;
 use crate::host::models::{Export, Load};
 use crate::input::InputFrame;
 use crate::scene::{EditCommand, Outcome};
@@ -348,7 +347,7 @@ enum Led {
 fn led(headset: &Headset, app: &App, user: &mut User, state: &openxr::FrameState) -> Result<Led, VrError> {
     let Some(lockstep) = &mut user.lockstep else { return Ok(Led::Free) };
     if user.hands.is_none() {
-        let (low, high) = visible_bounds(app);
+        let (low, high) = app.scene.bounds();
         lockstep.ready(&format!(r#"{{"low":{:?},"high":{:?}}}"#, low.to_array(), high.to_array()))?;
     }
     match lockstep.input()? {
@@ -368,7 +367,7 @@ fn look_only(
     user: &mut User,
     state: &openxr::FrameState,
 ) -> Result<Option<super::headset::Shown>, VrError> {
-    let (low, high) = visible_bounds(app);
+    let (low, high) = app.scene.bounds();
     let placement = user.hands.as_ref().map_or_else(|| Placement::within_reach(low, high, &STANDING), |h| *h.placement());
     let mut target = eye_target(headset, state, placement, (&[], &[]), &mut user.mirror);
     target.load = GpuLoad::Told(0.0);
@@ -421,7 +420,7 @@ fn frame(
     };
     let head = headset.head(time)?.unwrap_or(STANDING);
     let hands = user.hands.get_or_insert_with(|| {
-        let (low, high) = visible_bounds(app);
+        let (low, high) = app.scene.bounds();
         Hands::new(options.config.vr, options.config.tear.width, Placement::within_reach(low, high, &head))
     });
     let mut pointer = None;
@@ -436,7 +435,7 @@ fn frame(
             user.time_s = 0.0;
         }
         let seen = headset.bounds();
-        let bounds = if seen.is_empty() { visible_bounds(app) } else { (seen.min, seen.max) };
+        let bounds = if seen.is_empty() { app.scene.bounds() } else { (seen.min, seen.max) };
         app.scene.refresh_sections();
         let around = Around { scene: &app.scene, bounds, head: &head, on_panel, step_s };
         hands.frame(&input, &around, &mut user.output);
