@@ -1,7 +1,8 @@
 //! From a stored surface to a mesh with rows: wedges, normals, one fan a vertex, tissue coordinates.
 
+use super::flats::flip_flat;
 use super::stored::{Dress, Stored};
-use super::weld::{Welded, weld};
+use super::weld::{Welded, classes, weld};
 use super::{FormatError, LoadReport};
 use crate::geometry::topology::TopologyScratch;
 use crate::geometry::{FaceId, HalfEdge, Mesh, SlotCsr, VertexId, Wedge, WedgeId};
@@ -26,9 +27,12 @@ pub(crate) fn origin_of(min: DVec3, max: DVec3) -> DVec3 {
 /// Builds mesh and rows of a stored surface, with `origin` as the origin of tissue space.
 pub(crate) fn assemble(stored: &Stored, origin: DVec3, report: &mut LoadReport) -> Result<(Mesh, VertexRows), FormatError> {
     check(stored)?;
-    let welded = weld(stored);
+    let places = classes(stored);
+    let (stored, flipped) = flip_flat(stored, &places);
+    let stored = &*stored;
+    let welded = weld(stored, &places);
     report.vertices_stored = stored.positions.len();
-    report.degenerate_faces = welded.degenerate_faces;
+    report.degenerate_faces = flipped + welded.degenerate_faces;
     report.duplicate_faces = welded.duplicate_faces;
     report.largest_weight_difference = welded.largest_weight_difference;
     if welded.faces.is_empty() {

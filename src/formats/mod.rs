@@ -6,6 +6,7 @@
 mod assemble;
 mod error;
 mod export_weights;
+mod flats;
 mod glb_writer;
 mod gltf_data;
 mod gltf_export;
@@ -63,7 +64,8 @@ pub struct LoadReport {
     pub vertices_stored: usize,
     /// Topological vertices.
     pub vertices_welded: usize,
-    /// Faces with a repeated vertex or exactly zero area; dropped, except that an exported topology is kept as it is.
+    /// Faces with a repeated vertex or exactly zero area. Dropped, but where one closes the surface: the
+    /// face beyond it is divided in its stead. An exported topology is kept as it is.
     pub degenerate_faces: usize,
     /// Faces that repeat another; dropped.
     pub duplicate_faces: usize,

@@ -1,6 +1,7 @@
 //! From stored indices to topology (MATHS 1.6): open edges that form exactly one oppositely oriented coincident pair are
 //! zipped; nothing else is. A plain weld by position would glue touching parts and close width-0 slits.
 
+use super::flats::is_flat;
 use super::stored::{NO_MARK, Stored, StoredFace};
 use crate::geometry::VertexId;
 use crate::rig::BoneWeight;
@@ -24,18 +25,17 @@ pub(crate) struct Welded {
     pub largest_weight_difference: f32,
 }
 
-/// Decides the topology.
-pub(crate) fn weld(stored: &Stored) -> Welded {
+/// Decides the topology. `classes` is [`classes`] of the vertices.
+pub(crate) fn weld(stored: &Stored, classes: &[u32]) -> Welded {
     let mut welded = Welded::default();
-    let classes = classes(stored);
     let mut sets = Sets::new(stored.positions.len());
-    union_marked(stored, &classes, &mut sets);
-    let mut faces = drop_flat(stored, &classes, &mut welded);
+    union_marked(stored, classes, &mut sets);
+    let mut faces = drop_flat(stored, classes, &mut welded);
     drop_repeats(&mut faces, &mut welded.duplicate_faces, |f| {
         let [a, b, c] = f.corners.map(|v| classes[v as usize]);
         [[a, b, c], [b, c, a], [c, a, b]].into_iter().min().unwrap_or([a, b, c])
     });
-    zip(stored, &faces, &classes, &mut sets);
+    zip(stored, &faces, classes, &mut sets);
     let before = faces.len();
     faces.retain(|f| {
         let [a, b, c] = f.corners.map(|v| sets.find(v));
@@ -52,17 +52,17 @@ pub(crate) fn weld(stored: &Stored) -> Welded {
         }
         set
     });
-    number(stored, faces, &classes, &mut sets, &mut welded);
+    number(stored, faces, classes, &mut sets, &mut welded);
     welded
 }
 
 /// True if the file says which stored vertices are one.
-fn decided(stored: &Stored, v: u32) -> bool {
+pub(super) fn decided(stored: &Stored, v: u32) -> bool {
     stored.indices_decide || stored.marks[v as usize] != NO_MARK
 }
 
 /// Equal numbers for stored vertices that coincide bit for bit (minus zero counts as zero) and carry the same mark.
-fn classes(stored: &Stored) -> Vec<u32> {
+pub(crate) fn classes(stored: &Stored) -> Vec<u32> {
     let key = |v: u32| {
         let mark = if stored.indices_decide { v } else { stored.marks[v as usize] };
         (mark, (stored.positions[v as usize] + 0.0).to_array().map(f64::to_bits))
@@ -93,10 +93,9 @@ fn drop_flat(stored: &Stored, classes: &[u32], welded: &mut Welded) -> Vec<Store
         if a == b || b == c || c == a {
             return false;
         }
-        let [p, q, r] = f.corners.map(|v| stored.positions[v as usize]);
-        let keeps = f.corners.iter().all(|&v| decided(stored, v)) || (q - p).cross(r - p) != glam::DVec3::ZERO;
-        welded.flat_faces += usize::from(!keeps);
-        keeps
+        let is_flat = is_flat(stored, classes, f);
+        welded.flat_faces += usize::from(is_flat);
+        !is_flat
     };
     let kept: Vec<StoredFace> = stored.faces.iter().filter(|f| keep(f)).copied().collect();
     welded.degenerate_faces += stored.faces.len() - kept.len();
