@@ -24,13 +24,143 @@ pub fn weights(anchor: DVec3, grabbed: &[DVec3], radius: f64, weights: &mut Vec<
 /// Where a follower's spring pulls it while the grab lasts: the displacement `sum_k W_jk u'_k`, metres. `grabbed` pairs a
 /// grabbed particle's anchor with its displacement.
 pub fn target(anchor: DVec3, grabbed: &[(DVec3, DVec3)], radius: f64) -> DVec3 {
+    target_over(anchor, grabbed.iter().copied(), radius)
+}
+
+fn target_over(anchor: DVec3, grabbed: impl Iterator<Item = (DVec3, DVec3)>, radius: f64) -> DVec3 {
     let (mut sum, mut moved) = (0.0, DVec3::ZERO);
     for (other, displacement) in grabbed {
-        let g = pull(anchor.distance(*other), radius);
+        let g = pull(anchor.distance(other), radius);
         sum += g;
-        moved += g * *displacement;
+        moved += g * displacement;
     }
     moved / sum.max(1.0)
+}
+
+/// Groups of grabbed particles that move alike, and are told apart: one a hand.
+const GROUPS: usize = 4;
+/// Displacements that differ by this share of their length and of the radius have moved alike.
+const ALIKE: f64 = 1e-12;
+
+/// A grabbed particle.
+#[derive(Clone, Copy, Debug)]
+struct Grabbed {
+    anchor: DVec3,
+    /// Its displacement when the followers' sums were made.
+    base: DVec3,
+    group: usize,
+}
+
+/// What a follower's sum comes to.
+#[derive(Clone, Copy, Debug)]
+struct Follower {
+    anchor: DVec3,
+    made_for: u64,
+    /// `sum_k W_jk base_k`.
+    base: DVec3,
+    /// `sum_k W_jk` over each group.
+    shares: [f64; GROUPS],
+}
+
+/// [`target`] of many followers, frame after frame. A hand that carries its particles along by one vector changes the sum over
+/// them by that vector times the sum of their weights, so the weights are gone through once, when the hand takes hold, and not
+/// in every frame.
+#[derive(Clone, Debug, Default)]
+pub struct Followers {
+    grabbed: Vec<Grabbed>,
+    radius: f64,
+    /// How far each group has moved since.
+    moves: Vec<DVec3>,
+    /// False if there are more groups than are told apart.
+    regular: bool,
+    /// Counts the sets of weights.
+    made: u64,
+    followers: Vec<Follower>,
+}
+
+impl Followers {
+    /// Tells anchors and displacements of what is grabbed, metres, in any order but always the same. `radius` as for [`pull`].
+    pub fn set_grabbed(&mut self, grabbed: &[(DVec3, DVec3)], radius: f64) {
+        let same = self.radius == radius
+            && self.grabbed.len() == grabbed.len()
+            && self.grabbed.iter().zip(grabbed).all(|(known, now)| known.anchor == now.0);
+        if !same {
+            self.radius = radius;
+            self.grabbed.clear();
+            self.grabbed.extend(grabbed.iter().map(|&(anchor, base)| Grabbed { anchor, base, group: 0 }));
+            self.begin(1);
+            return;
+        }
+        if self.regular && self.follow(grabbed) {
+            return;
+        }
+        // Others move alike than did so far.
+        self.moves.clear();
+        for (known, now) in self.grabbed.iter_mut().zip(grabbed) {
+            let by = now.1 - known.base;
+            let found = self.moves.iter().position(|m| alike(*m, by, known.base, radius));
+            known.group = found.unwrap_or(self.moves.len());
+            if found.is_none() && self.moves.len() <= GROUPS {
+                self.moves.push(by);
+            }
+            known.base = now.1;
+        }
+        self.begin(self.moves.len());
+    }
+
+    fn begin(&mut self, groups: usize) {
+        self.regular = groups <= GROUPS;
+        self.moves.clear();
+        self.moves.resize(groups, DVec3::ZERO);
+        self.made += 1;
+    }
+
+    /// Finds how far each group has moved; false if some of one have moved otherwise than the rest.
+    fn follow(&mut self, grabbed: &[(DVec3, DVec3)]) -> bool {
+        let (radius, mut seen) = (self.radius, [false; GROUPS]);
+        for (known, now) in self.grabbed.iter().zip(grabbed) {
+            let by = now.1 - known.base;
+            if !std::mem::replace(&mut seen[known.group], true) {
+                self.moves[known.group] = by;
+            } else if !alike(self.moves[known.group], by, known.base, radius) {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// [`target`] of the follower with this number, whose anchor is here.
+    pub fn target(&mut self, follower: usize, anchor: DVec3) -> DVec3 {
+        if !self.regular {
+            return target_over(anchor, self.grabbed.iter().map(|g| (g.anchor, g.base)), self.radius);
+        }
+        if follower >= self.followers.len() {
+            let unknown = Follower { anchor, made_for: 0, base: DVec3::ZERO, shares: [0.0; GROUPS] };
+            self.followers.resize(follower + 1, unknown);
+        }
+        let (known, made) = (&mut self.followers[follower], self.made);
+        if known.made_for != made || known.anchor != anchor {
+            let (mut sum, mut base, mut shares) = (0.0, DVec3::ZERO, [0.0; GROUPS]);
+            for grabbed in &self.grabbed {
+                let g = pull(anchor.distance(grabbed.anchor), self.radius);
+                sum += g;
+                base += g * grabbed.base;
+                shares[grabbed.group] += g;
+            }
+            let norm = sum.max(1.0);
+            *known = Follower { anchor, made_for: made, base: base / norm, shares: shares.map(|s| s / norm) };
+        }
+        self.moves.iter().zip(known.shares).fold(known.base, |sum, (by, share)| sum + share * *by)
+    }
+
+    /// How often the weights of all were made anew.
+    pub fn times_made(&self) -> u64 {
+        self.made
+    }
+}
+
+fn alike(a: DVec3, b: DVec3, base: DVec3, radius: f64) -> bool {
+    a.distance(b) <= ALIKE * (radius + a.length() + base.length())
 }
 
 #[cfg(test)]
@@ -76,5 +206,51 @@ mod tests {
         let (mut w, p) = (Vec::new(), DVec3::ONE);
         weights(p, &[p, p], 0.0, &mut w);
         assert_eq!(w, [0.5, 0.5]);
+    }
+
+    /// Hands that come, move together or apart, twist what they hold, and let go; anchors that an edit puts elsewhere.
+    #[test]
+    fn followers_go_where_the_sum_over_all_that_is_grabbed_has_them() {
+        let place = |k: usize| DVec3::new((k as f64 * 1.7).sin(), (k as f64 * 0.9).cos(), (k as f64 * 0.3).sin());
+        let mut anchors: Vec<DVec3> = (0..60).map(place).collect();
+        let mut followers = Followers::default();
+        let mut most = 0f64;
+        let mut check = |followers: &mut Followers, anchors: &[DVec3], grabbed: &[(DVec3, DVec3)]| {
+            followers.set_grabbed(grabbed, 0.3);
+            for (j, a) in anchors.iter().enumerate() {
+                let (wanted, found) = (target(*a, grabbed, 0.3), followers.target(j, *a));
+                most = most.max(wanted.distance(found));
+                assert!(wanted.distance(found) < 1e-12, "{j}: {wanted} {found}");
+            }
+        };
+        let start = |k: usize| 0.1 * place(k + 100);
+        let held = |count: usize, by: &dyn Fn(usize) -> DVec3| -> Vec<(DVec3, DVec3)> {
+            (0..count).map(|k| (place(k), start(k) + by(k))).collect()
+        };
+        let step = |k: i32| f64::from(k) * DVec3::new(0.02, -0.01, 0.03);
+        for k in 0..20 {
+            check(&mut followers, &anchors, &held(12, &|_| step(k)));
+        }
+        assert_eq!(followers.times_made(), 1, "one hand that carries all alike");
+        for k in 0..20 {
+            let two = |p: usize| if p < 7 { step(k) } else { -0.5 * step(k) };
+            check(&mut followers, &anchors, &held(18, &two));
+        }
+        assert_eq!(followers.times_made(), 3, "two hands: once when the second came, once when they parted");
+        for k in 0..20 {
+            let twist = |p: usize| glam::DQuat::from_rotation_y(f64::from(k) * 0.1) * place(p) - place(p);
+            check(&mut followers, &anchors, &held(18, &twist));
+        }
+        assert_eq!(followers.times_made(), 22, "each moves by itself");
+        let before = followers.times_made();
+        for k in 0..20 {
+            anchors[5] += 0.01;
+            check(&mut followers, &anchors, &held(12, &|_| step(k)));
+        }
+        assert_eq!(followers.times_made(), before + 1);
+        // Broken twin: shares that are not made anew when what is grabbed changes.
+        followers.set_grabbed(&held(12, &|_| step(0)), 0.3);
+        let stale = followers.target(3, anchors[3]);
+        assert!(stale.distance(target(anchors[3], &held(12, &|_| step(9)), 0.3)) > 1e-3);
     }
 }

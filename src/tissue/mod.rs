@@ -24,7 +24,7 @@ use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, SectionId, StateHash
 use crate::particles::{
     Influence, ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
 };
-use crate::physics::direct_displacement::target;
+use crate::physics::direct_displacement::Followers;
 use crate::physics::{Network, NetworkSettings, NetworkTopology, RigidPose, StepScratch};
 use crate::rig::{Fades, Pose, PoseScratch, Rig, VertexRows, VertexRowsDelta, final_position};
 use glam::DVec3;
@@ -174,13 +174,12 @@ struct TissueScratch {
     plane_update: PlaneUpdateScratch,
     extraction: Extraction,
     rest_displacements: Vec<[f64; 3]>,
-    /// Held particles: id, anchor as skinned, displacement.
-    held: Vec<(ParticleId, DVec3, DVec3)>,
     /// Held particles and their displacements: by hands, and all together.
     grabs: Vec<(ParticleId, DVec3)>,
     all_held: Vec<(ParticleId, DVec3)>,
-    /// Anchors and displacements of what hands hold.
+    /// Anchors at rest and displacements of what hands hold, and the others that follow.
     followed: Vec<(DVec3, DVec3)>,
+    followers: Followers,
     turns: rotation::TurnScratch,
     chords: chords::ChordScratch,
     /// Versions of the pose and of the structure for which all particles are at rest, and told where that is.
@@ -471,18 +470,18 @@ impl Tissue {
     }
 
     /// Holds exactly these particles at these displacements (tissue space, metres) until the next call; the particles around
-    /// them follow by direct displacement (MATHS 3.4).
+    /// them follow by direct displacement (MATHS 3.4), with weights by distances at rest.
     pub fn hold_particles(&mut self, held: &[(ParticleId, DVec3)]) {
         let Some(layer) = &mut self.layer else { return };
-        if held.is_empty() && self.scratch.held.is_empty() {
+        if held.is_empty() && self.scratch.followed.is_empty() {
             return;
         }
-        self.scratch.held.clear();
+        self.scratch.followed.clear();
         self.scratch.grabs.clear();
         for &(p, u) in held {
             let anchor = layer.map.anchors.get(p.index()).copied().unwrap_or_default();
             if anchor.is_some() {
-                self.scratch.held.push((p, self.pose.skin(&self.rows, anchor), u));
+                self.scratch.followed.push((self.rest[anchor.index()], u));
                 self.scratch.grabs.push((p, u));
             }
         }
@@ -493,15 +492,14 @@ impl Tissue {
     pub fn step(&mut self, step_s: f64) {
         self.push_particles(step_s);
         let Some(layer) = &mut self.layer else { return };
-        let TissueScratch { step, rest_displacements, held, followed, rests, .. } = &mut self.scratch;
-        let stands = !layer.network.awake() && !layer.is_opening() && held.is_empty();
+        let TissueScratch { step, rest_displacements, followed, followers, rests, .. } = &mut self.scratch;
+        let stands = !layer.network.awake() && !layer.is_opening() && followed.is_empty();
         let now = Some([self.versions.pose, self.versions.structure]);
         if stands && *rests == now {
             return;
         }
         *rests = now.filter(|_| stands);
-        followed.clear();
-        followed.extend(held.iter().map(|h| (h.1, h.2)));
+        followers.set_grabbed(followed, layer.settings.spacing);
         layer.open_wounds(step_s, self.diagonal);
         rest_displacements.clear();
         for p in 0..layer.map.len() {
@@ -509,7 +507,7 @@ impl Tissue {
             let moves = u0 != DVec3::ZERO && anchor.is_some();
             let mut rest = if moves { self.pose.blended_linear(&self.rows, anchor) * u0 } else { DVec3::ZERO };
             if !followed.is_empty() && anchor.is_some() {
-                rest += target(self.pose.skin(&self.rows, anchor), followed, layer.settings.spacing);
+                rest += followers.target(p, self.rest[anchor.index()]);
             }
             rest_displacements.push(rest.to_array());
         }
