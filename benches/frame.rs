@@ -5,6 +5,7 @@
 //! Twice: with the CPU free for it, as where a GPU draws (what was encoded is dropped), and with what was encoded submitted and waited
 //! for. On the software adapter the CPU then draws between the frames, and each begins with other people's caches.
 
+use glam::DVec3;
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
 use incise::formats;
@@ -126,7 +127,10 @@ fn measure(name: &str, app: &mut App, target: &mut Target, first: usize, animate
     let mut last = FrameCounters::default();
     for k in 0..FRAMES {
         let time_s = if animated { (first + k) as f64 / 90.0 } else { 0.0 };
-        let input = InputFrame { time_s, step_s: 1.0 / 90.0, ..InputFrame::default() };
+        // a hand that stays where it is lets the springs come to rest
+        let by = DVec3::new(0.0, 0.001 * (time_s * 5.0).sin(), 0.01);
+        let commands = if animated { vec![EditCommand::GrabMove { id: 1, by }] } else { Vec::new() };
+        let input = InputFrame { time_s, step_s: 1.0 / 90.0, commands, ..InputFrame::default() };
         let start = Instant::now();
         let report = app.frame(&input, target).expect("a frame");
         let whole = start.elapsed().as_secs_f64() * 1e3 - target.submit_ms;
@@ -177,7 +181,7 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
         for k in 0..STROKE + 45 {
             let pose = |k: usize| {
                 let x = 0.05 * (2.0 * k as f64 / STROKE as f64 - 1.0);
-                let (tip, base) = (glam::DVec3::new(x, y, 0.02), glam::DVec3::new(x, y, 0.12));
+                let (tip, base) = (DVec3::new(x, y, 0.02), DVec3::new(x, y, 0.12));
                 EditCommand::StrokePose(BladePose { t: k as f64 / 90.0, tip, base })
             };
             let commands = match k {
@@ -229,14 +233,13 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
 
 fn run(submits: bool) {
     let mut app = app();
-    let camera = Camera { eye: glam::DVec3::new(0.05, 0.04, 0.26), target: glam::DVec3::ZERO, up: glam::DVec3::Y, fov_y: 0.7 };
+    let camera = Camera { eye: DVec3::new(0.05, 0.04, 0.26), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.7 };
     let mut target = Target::new(&camera, submits);
     measure("asleep", &mut app, &mut target, 0, false);
     app.scene.set_animation(Some(0));
-    // A hand that holds a few particles keeps the springs awake.
-    let center = glam::DVec3::new(0.0, 0.0, 0.045);
+    // A hand that moves a few particles keeps the springs awake.
+    let center = DVec3::new(0.0, 0.0, 0.045);
     app.scene.edit(EditCommand::GrabBegin { id: 1, center, radius: 0.02 });
-    app.scene.edit(EditCommand::GrabMove { id: 1, by: glam::DVec3::new(0.0, 0.0, 0.01) });
     measure("active", &mut app, &mut target, FRAMES, true);
     app.scene.edit(EditCommand::GrabEnd { id: 1 });
     tear(&mut app, &mut target, 2 * FRAMES);
