@@ -7,10 +7,12 @@ use super::stored::{Dress, Stored, StoredFace};
 use super::weld::decided;
 use glam::{DVec3, Vec3};
 use std::borrow::Cow;
-use std::collections::{BinaryHeap, HashMap};
+use std::collections::BinaryHeap;
 
-/// A directed edge by the classes of its ends: in how many faces it is, and one of them.
-type Edges = HashMap<[u32; 2], (u32, usize)>;
+/// No half-edge.
+const NONE: u32 = u32::MAX;
+/// Flips that a flat face may take on average.
+const STEPS_A_FACE: usize = 64;
 
 /// True if a face has three corners in different places, no area, and a file does not decide that it stays.
 pub(super) fn is_flat(stored: &Stored, classes: &[u32], f: &StoredFace) -> bool {
@@ -24,79 +26,80 @@ fn is_degenerate(stored: &Stored, classes: &[u32], corners: [u32; 3]) -> bool {
     a != b && b != c && c != a && (q - p).cross(r - p) == DVec3::ZERO
 }
 
-/// The surface with its flat faces flipped away where exactly one face lies beyond their longest edge; how many were. `classes` are
-/// equal for stored vertices in one place.
+/// The surface with its flat faces flipped away; how many were. `classes` are equal for stored vertices in one place.
 ///
-/// The longest edge goes first. Where flat faces meet at it, it is the longest of both, and flipping it leaves shorter ones: so
-/// this ends, and not before every edge that can be flipped lies between faces with an area.
+/// The flat face with the longest edge goes first. Beyond that edge lies a face with an area, which is divided; or nothing, and then the
+/// flat face closes nothing and goes; or a flat face whose longest edge it is too. Those two are one on the other, and go both, or the
+/// edge between them is flipped, which leaves shorter ones. So this ends.
 pub(super) fn flip_flat<'a>(stored: &'a Stored, classes: &[u32]) -> (Cow<'a, Stored>, usize) {
-    let mut flat: Vec<usize> = (0..stored.faces.len()).filter(|&f| is_flat(stored, classes, &stored.faces[f])).collect();
+    let flat: Vec<usize> = (0..stored.faces.len()).filter(|&f| is_flat(stored, classes, &stored.faces[f])).collect();
     if flat.is_empty() {
         return (Cow::Borrowed(stored), 0);
     }
     let mut flips = Flips::new(stored, classes);
     let mut queue: BinaryHeap<(u64, usize)> = flat.iter().map(|&f| (flips.longest(f), f)).collect();
-    let (mut refused, mut progress) = (Vec::new(), false);
-    loop {
-        if queue.is_empty() && std::mem::take(&mut progress) {
-            queue.extend(refused.drain(..)); // flips have made way for others
-        }
-        let Some((length, f)) = queue.pop() else { break };
-        if length != flips.longest(f) || !is_flat(&flips.stored, classes, &flips.stored.faces[f]) {
-            continue; // it was changed from its other side
-        }
-        match flips.flip(f) {
-            Some(g) => {
-                queue.extend([f, g].map(|f| (flips.longest(f), f)));
-                progress = true;
-            }
-            None => refused.push((length, f)),
+    // against edges of no length between vertices that a file tells apart
+    let mut left = STEPS_A_FACE * flat.len();
+    while let Some((length, f)) = queue.pop().filter(|_| left > 0) {
+        left -= 1;
+        let stands = !flips.gone[f] && length == flips.longest(f) && is_flat(&flips.stored, classes, &flips.stored.faces[f]);
+        if let Some(g) = stands.then(|| flips.settle(f)).flatten() {
+            queue.extend([f, g].map(|f| (flips.longest(f), f)));
         }
     }
-    let before = flat.len();
-    flat.retain(|&f| is_flat(&flips.stored, classes, &flips.stored.faces[f]));
-    let flipped = before - flat.len();
-    if flipped == 0 {
-        return (Cow::Borrowed(stored), 0);
-    }
-    (Cow::Owned(flips.stored), flipped)
+    let Flips { mut stored, gone, .. } = flips;
+    let mut index = 0;
+    stored.faces.retain(|_| {
+        index += 1;
+        !gone[index - 1]
+    });
+    let stay = stored.faces.iter().filter(|f| is_flat(&stored, classes, f)).count();
+    (Cow::Owned(stored), flat.len() - stay)
 }
 
+/// The ends of an edge in order, and whether a half-edge runs from the first.
+type EdgeKey = (u32, u32, bool);
+
+/// A surface under flips.
 struct Flips<'a> {
     stored: Stored,
     classes: &'a [u32],
-    edges: Edges,
+    /// The half-edge on the other side of half-edge `3 f + k`, which leaves corner `k` of face `f`; [`NONE`] without one.
+    twins: Vec<u32>,
+    gone: Vec<bool>,
 }
 
 impl<'a> Flips<'a> {
+    /// Pairs half-edges as the weld does: by stored vertices, then what is left by place. Where several lie in one place and flat faces
+    /// are among them, any pairs will do: on a line, what has an area runs one way on one side and the other way on the other.
     fn new(stored: &Stored, classes: &'a [u32]) -> Self {
-        let mut flips = Self { stored: stored.clone(), classes, edges: HashMap::with_capacity(3 * stored.faces.len()) };
-        for (f, face) in stored.faces.iter().enumerate() {
-            for k in 0..3 {
-                flips.add(face.corners[k], face.corners[(k + 1) % 3], f);
+        let mut twins = vec![NONE; 3 * stored.faces.len()];
+        let corner = |h: u32| stored.faces[h as usize / 3].corners[h as usize % 3];
+        let repeats = |h: u32| {
+            let [a, b, c] = stored.faces[h as usize / 3].corners.map(|v| classes[v as usize]);
+            a == b || b == c || c == a
+        };
+        let of_flat = |h: &(EdgeKey, u32)| is_flat(stored, classes, &stored.faces[h.1 as usize / 3]);
+        let mut pair = |name: &dyn Fn(u32) -> u32, several: bool| {
+            let key = |h: u32| {
+                let [a, b] = [h, h - h % 3 + (h + 1) % 3].map(|h| name(corner(h)));
+                (a.min(b), a.max(b), a < b)
+            };
+            let alone = (0..twins.len() as u32).filter(|&h| twins[h as usize] == NONE && !repeats(h));
+            let mut open: Vec<(EdgeKey, u32)> = alone.map(|h| (key(h), h)).collect();
+            open.sort_unstable();
+            for run in open.chunk_by(|a, b| (a.0.0, a.0.1) == (b.0.0, b.0.1)) {
+                let (back, forth) = run.split_at(run.partition_point(|h| !h.0.2));
+                if back.len() == forth.len() && (back.len() == 1 || several && run.iter().any(of_flat)) {
+                    for (g, h) in back.iter().zip(forth) {
+                        (twins[g.1 as usize], twins[h.1 as usize]) = (h.1, g.1);
+                    }
+                }
             }
-        }
-        flips
-    }
-
-    fn key(&self, a: u32, b: u32) -> [u32; 2] {
-        [a, b].map(|v| self.classes[v as usize])
-    }
-
-    fn add(&mut self, a: u32, b: u32, f: usize) {
-        let entry = self.edges.entry(self.key(a, b)).or_default();
-        *entry = (entry.0 + 1, f);
-    }
-
-    fn remove(&mut self, a: u32, b: u32) {
-        if let Some(entry) = self.edges.get_mut(&self.key(a, b)) {
-            entry.0 -= 1;
-        }
-    }
-
-    /// The only face with this directed edge.
-    fn only(&self, a: u32, b: u32) -> Option<usize> {
-        self.edges.get(&self.key(a, b)).filter(|e| e.0 == 1).map(|e| e.1)
+        };
+        pair(&|v| v, false);
+        pair(&|v| classes[v as usize], true);
+        Self { stored: stored.clone(), classes, twins, gone: vec![false; stored.faces.len()] }
     }
 
     /// The corner opposite to a face's longest edge, and that edge's squared length.
@@ -112,21 +115,41 @@ impl<'a> Flips<'a> {
         self.middle(f).1.to_bits() // of numbers that are not negative
     }
 
-    /// Flips the longest edge of a flat face, and tells the face beyond. `None` if there is not exactly one, or nothing is gained.
-    fn flip(&mut self, f: usize) -> Option<usize> {
+    fn glue(&mut self, g: u32, h: u32) {
+        for (of, to) in [(g, h), (h, g)] {
+            if of != NONE {
+                self.twins[of as usize] = to;
+            }
+        }
+    }
+
+    /// Flips the longest edge of a flat face, or takes the face away. Tells the face beyond if that was changed.
+    fn settle(&mut self, f: usize) -> Option<usize> {
         let face = self.stored.faces[f];
-        let middle = self.middle(f).0;
-        let [a, b, c] = [2, 0, 1].map(|k| (middle + k) % 3);
-        let [va, vb, vc] = [a, b, c].map(|k| face.corners[k]);
-        if self.only(vc, va) != Some(f) {
+        let b = self.middle(f).0;
+        let [c, a] = [1, 2].map(|k| (b + k) % 3);
+        let twin_of = |f: usize, k: usize| self.twins[3 * f + k];
+        let (long, before, after) = (twin_of(f, c), twin_of(f, a), twin_of(f, b));
+        if long == NONE {
+            self.gone[f] = true;
+            self.glue(before, NONE);
+            self.glue(after, NONE);
             return None;
         }
-        let g = self.only(va, vc).filter(|&g| g != f)?;
+        let (g, ga) = (long as usize / 3, long as usize % 3);
+        let [gc, gd] = [1, 2].map(|k| (ga + k) % 3);
         let beyond = self.stored.faces[g];
-        let ga = (0..3).find(|&k| self.key(beyond.corners[k], beyond.corners[(k + 1) % 3]) == self.key(va, vc))?;
-        let [gc, gd] = [(ga + 1) % 3, (ga + 2) % 3];
+        let (far, near) = (twin_of(g, gc), twin_of(g, gd));
         let [wa, wc, wd] = [ga, gc, gd].map(|k| beyond.corners[k]);
-        if self.key(vb, wd)[0] == self.key(vb, wd)[1] {
+        let vb = face.corners[b];
+        if self.classes[vb as usize] == self.classes[wd as usize] {
+            (self.gone[f], self.gone[g]) = (true, true);
+            if before as usize != 3 * g + gd {
+                self.glue(before, near);
+            }
+            if after as usize != 3 * g + gc {
+                self.glue(after, far);
+            }
             return None;
         }
         let has_area = |corners| !is_degenerate(&self.stored, self.classes, corners);
@@ -138,11 +161,10 @@ impl<'a> Flips<'a> {
         let material = beyond.material;
         self.stored.faces[f] = StoredFace { corners: [wa, vb, wd], dresses: [da, dress, dd], material };
         self.stored.faces[g] = StoredFace { corners: [vb, wc, wd], dresses: [dress, dc, dd], material };
-        for (from, to) in [(vc, va), (va, vc), (vb, vc), (wd, wa)] {
-            self.remove(from, to);
-        }
-        for (from, to, of) in [(vb, wc, g), (wd, wa, f), (vb, wd, f), (wd, vb, g)] {
-            self.add(from, to, of);
+        let [f0, g0] = [3 * f as u32, 3 * g as u32];
+        for (of, to) in [(f0, before), (f0 + 1, g0 + 2), (f0 + 2, near), (g0, after), (g0 + 1, far)] {
+            self.twins[of as usize] = NONE;
+            self.glue(of, to);
         }
         Some(g)
     }
@@ -199,6 +221,57 @@ mod tests {
             faces[h / 3] = [a, b, d];
             faces.extend([[b, c, d], [a, c, b]]);
         }
+        (points, faces)
+    }
+
+    /// A cube each of whose edges is divided anew on either side, now and then in the same places; what lies between is triangulated
+    /// at random.
+    fn filled(seed: u64) -> (Vec<[i32; 3]>, Vec<[usize; 3]>) {
+        let (mut points, coarse) = divided(seed, 0);
+        let (mut faces, mut flats, mut drawn) = (Vec::new(), Vec::new(), 0);
+        let mut random = |below: usize| {
+            drawn += 1;
+            draw(seed, drawn) as usize % below
+        };
+        let mut number = |p: [i32; 3], points: &mut Vec<[i32; 3]>| {
+            points.iter().position(|q| *q == p).unwrap_or_else(|| {
+                points.push(p);
+                points.len() - 1
+            })
+        };
+        let mut chains = std::collections::BTreeMap::new();
+        for (a, b) in coarse.iter().flat_map(|f| (0..3).map(|k| (f[k], f[(k + 1) % 3]))) {
+            let most = random(8);
+            let mut shares: Vec<i32> = (0..most).map(|_| 1 + random(15) as i32).collect();
+            shares.sort_unstable();
+            shares.dedup();
+            let (p, q) = (points[a], points[b]);
+            let at = |share: i32| std::array::from_fn(|k| p[k] + (q[k] - p[k]) / 16 * share);
+            let chain: Vec<usize> = shares.iter().map(|&share| number(at(share), &mut points)).collect();
+            chains.insert((a, b), chain);
+        }
+        for (&(a, b), chain) in chains.iter().filter(|(edge, _)| edge.0 < edge.1) {
+            let mut polygon = vec![b];
+            polygon.extend(chain.iter().rev());
+            polygon.push(a);
+            polygon.extend(chains[&(b, a)].iter().rev());
+            while polygon.len() > 2 {
+                let (k, n) = (random(polygon.len()), polygon.len());
+                flats.push([polygon[(k + n - 1) % n], polygon[k], polygon[(k + 1) % n]]);
+                polygon.remove(k);
+            }
+        }
+        for face in &coarse {
+            let [p, q, r] = face.map(|v| points[v]);
+            let middle = number(std::array::from_fn(|k| p[k] + (q[k] - p[k]) / 4 + (r[k] - p[k]) / 4), &mut points);
+            let mut rim = Vec::new();
+            for k in 0..3 {
+                rim.push(face[k]);
+                rim.extend(&chains[&(face[k], face[(k + 1) % 3])]);
+            }
+            faces.extend((0..rim.len()).map(|k| [rim[k], rim[(k + 1) % rim.len()], middle]));
+        }
+        faces.append(&mut flats);
         (points, faces)
     }
 
@@ -264,6 +337,28 @@ mod tests {
             opened += usize::from(flat > 0 && !measure(&model.mesh, |v| model.rows.rest(v)).closed());
         }
         assert!(divided_flat > 1000 && opened > 200, "{divided_flat} flat faces, {opened} models opened without them");
+    }
+
+    #[test]
+    fn flat_faces_in_any_order_close_a_model() {
+        for seed in 0..200 {
+            let (points, faces) = filled(seed);
+            for format in [Format::Obj, Format::Stl] {
+                let model = load(&points, &faces, format);
+                let measured = measure(&model.mesh, |v| model.rows.rest(v));
+                assert!(measured.closed() && model.report.warnings.is_empty(), "seed {seed}, {format:?}");
+                assert!((measured.volume - 1024f64.powi(3)).abs() < 1e-6 * measured.volume);
+                assert!((measured.area - 6.0 * 1024f64.powi(2)).abs() < 1e-6 * measured.area);
+            }
+        }
+    }
+
+    /// Two flat faces in a row on a border: each flip between them would make way for the flip back.
+    #[test]
+    fn flat_faces_on_a_border_end() {
+        let points = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [0, 1, 0]];
+        let model = load(&points, &[[1, 0, 4], [2, 1, 4], [3, 2, 4], [0, 1, 2], [0, 2, 3]], Format::Obj);
+        assert_eq!((model.report.degenerate_faces, model.mesh.face_count()), (2, 3));
     }
 
     #[test]
