@@ -32,16 +32,31 @@ fn torn() -> Scene {
     let (mut scene, animated) = scene("beam", 3200);
     assert!(animated);
     scene.pose(0.0, 0.0);
-    let (low, high) = only(&scene).bounds();
+    tear(&mut scene, 0.35);
+    settle(&mut scene);
+    assert!(scene.is_asleep(), "a wound that has opened lets the tissue sleep");
+    scene
+}
+
+fn settle(scene: &mut Scene) {
+    for k in 0..4000 {
+        scene.pose(f64::from(k) * STEP, 0.0);
+        scene.step(STEP);
+    }
+}
+
+/// Tears along the beam's top from a share of its length on.
+fn tear(scene: &mut Scene, from: f64) {
+    let (low, high) = only(scene).bounds();
     let at = |x: f64, up: f64| {
         let middle = 0.5 * (low + high);
         let mut p = DVec3::new(low.x + x * (high.x - low.x), high.y + up * (high.y - low.y), middle.z);
-        p += only(&scene).frame().translation;
+        p += only(scene).frame().translation;
         p
     };
     let poses: Vec<BladePose> = (0..=20)
         .map(|k| {
-            let x = 0.35 + 0.015 * f64::from(k);
+            let x = from + 0.015 * f64::from(k);
             BladePose { t: 0.05 * f64::from(k), tip: at(x, -0.3), base: at(x, 1.0) }
         })
         .collect();
@@ -51,12 +66,6 @@ fn torn() -> Scene {
     }
     let report = scene.edit(EditCommand::StrokeEnd);
     assert_eq!(report[0].outcome.as_str(), "torn");
-    for k in 0..4000 {
-        scene.pose(f64::from(k) * STEP, 0.0);
-        scene.step(STEP);
-    }
-    assert!(scene.is_asleep(), "a wound that has opened lets the tissue sleep");
-    scene
 }
 
 /// Smallest share of its opening that a wound particle has, in its anchor's frame.
@@ -162,4 +171,70 @@ fn ten_minutes_of_beating_and_poking_do_not_drift() {
     let diagonal = only(&scene).diagonal();
     assert!(apart(&tenth, &last) < 1e-4 * diagonal, "{}", apart(&tenth, &last) / diagonal);
     assert!(apart(&tenth, &half) > 1e-2 * diagonal, "broken twin: half a beat apart is seen");
+}
+
+/// Where a particle is seen, model space.
+fn place(scene: &Scene, p: ParticleId) -> DVec3 {
+    only(scene).particle_in_model(p)
+}
+
+/// A wound particle in the middle of the wound, and the nearest one across.
+fn lips(scene: &Scene) -> [ParticleId; 2] {
+    let mean = |of: &dyn Fn(&ParticleId) -> bool| {
+        let all: Vec<DVec3> = wounds(scene).filter(|p| of(p)).map(|p| place(scene, p)).collect();
+        all.iter().sum::<DVec3>() / all.len() as f64
+    };
+    let middle = mean(&|_| true);
+    let nearest = |to: DVec3, side: f64| {
+        let beside = wounds(scene).filter(|p| (place(scene, *p).z - middle.z) * side > 0.0);
+        beside.min_by(|a, b| place(scene, *a).distance(to).total_cmp(&place(scene, *b).distance(to))).unwrap()
+    };
+    let one = nearest(middle, 1.0);
+    [one, nearest(place(scene, one), -1.0)]
+}
+
+fn wounds(scene: &Scene) -> impl Iterator<Item = ParticleId> {
+    (0..map(scene).len()).map(ParticleId::new).filter(|p| map(scene).is_wound(*p))
+}
+
+/// "At rest" is at the opening's displacement (MATHS 3.3): a hand that does not move has nothing to pass on. One that draws a lip
+/// away does not draw the other after it, since they do not hang together.
+#[test]
+fn a_hand_at_a_lip_moves_that_lip() {
+    let mut scene = torn();
+    let diagonal = only(&scene).diagonal();
+    let [held, across] = lips(&scene);
+    let places = |scene: &Scene| (0..map(scene).len()).map(|p| place(scene, ParticleId::new(p))).collect::<Vec<_>>();
+    let before = places(&scene);
+    let gap = before[held.index()].distance(before[across.index()]);
+    scene.edit(EditCommand::GrabBegin { id: 1, center: before[held.index()], radius: 0.3 * gap });
+    let is_held = |scene: &Scene, p: ParticleId| only(scene).layer().unwrap().network.is_grabbed(p);
+    (0..300).for_each(|_| scene.step(STEP));
+    assert!(is_held(&scene, held) && !is_held(&scene, across));
+    let moved = before.iter().zip(places(&scene)).map(|(a, b)| a.distance(b)).fold(0.0, f64::max);
+    assert!(moved < 1e-5 * diagonal, "a hand that stands still has moved something by {moved}");
+    let by = gap * DVec3::Z;
+    scene.edit(EditCommand::GrabMove { id: 1, by });
+    (0..300).for_each(|_| scene.step(STEP));
+    let moved = |p: ParticleId| (place(&scene, p) - before[p.index()]).z / gap;
+    let beside = wounds(&scene).filter(|p| *p != held && (before[p.index()] - before[across.index()]).z > 0.5 * gap);
+    let most = beside.map(moved).fold(0.0, f64::max);
+    assert!((moved(held) - 1.0).abs() < 1e-6 && most > 0.3, "{} {most}", moved(held));
+    assert!(moved(across) < 0.5 * most, "the other lip came along: {} beside {most}", moved(across));
+}
+
+/// Particles that come after an undo get the numbers of those that went.
+#[test]
+fn a_hand_lets_go_of_what_an_undo_takes_away() {
+    let mut scene = torn();
+    let [held, _] = lips(&scene);
+    let center = place(&scene, held);
+    scene.edit(EditCommand::GrabBegin { id: 1, center, radius: 0.02 });
+    scene.step(STEP);
+    let grabbed = |scene: &Scene| wounds(scene).filter(|p| only(scene).layer().unwrap().network.is_grabbed(*p)).count();
+    assert!(grabbed(&scene) > 0);
+    scene.edit(EditCommand::Undo);
+    tear(&mut scene, 0.05);
+    scene.step(STEP);
+    assert!(wounds(&scene).any(|p| p == held) && grabbed(&scene) == 0, "{} held", grabbed(&scene));
 }

@@ -161,7 +161,7 @@ impl ParticleSettings {
     }
 
     /// Longest link that a map update makes or looks for, metres.
-    pub(super) fn reach(&self) -> f64 {
+    pub fn reach(&self) -> f64 {
         self.radius.max(self.neighbours)
     }
 

@@ -76,16 +76,19 @@ pub struct Followers {
     /// Counts the sets of weights.
     made: u64,
     followers: Vec<Follower>,
+    wounds: usize,
 }
 
 impl Followers {
-    /// Tells anchors and displacements of what is grabbed, metres, in any order but always the same. `radius` as for [`pull`].
-    pub fn set_grabbed(&mut self, grabbed: &[(DVec3, DVec3)], radius: f64) {
+    /// Tells anchors and displacements of what is grabbed, metres, in any order but always the same. `radius` as for [`pull`];
+    /// `wounds` is any number that changes with what parts followers from what is grabbed.
+    pub fn set_grabbed(&mut self, grabbed: &[(DVec3, DVec3)], radius: f64, wounds: usize) {
         let same = self.radius == radius
+            && self.wounds == wounds
             && self.grabbed.len() == grabbed.len()
             && self.grabbed.iter().zip(grabbed).all(|(known, now)| known.anchor == now.0);
         if !same {
-            self.radius = radius;
+            (self.radius, self.wounds) = (radius, wounds);
             self.grabbed.clear();
             self.grabbed.extend(grabbed.iter().map(|&(anchor, base)| Grabbed { anchor, base, group: 0 }));
             self.begin(1);
@@ -129,10 +132,12 @@ impl Followers {
         true
     }
 
-    /// [`target`] of the follower with this number, whose anchor is here.
-    pub fn target(&mut self, follower: usize, anchor: DVec3) -> DVec3 {
+    /// [`target`] of the follower with this number, whose anchor is here, over all that is grabbed but what is `parted` from it: by a
+    /// wound between them. That is asked with the place in the list and the distance.
+    pub fn target(&mut self, follower: usize, anchor: DVec3, parted: impl Fn(usize, f64) -> bool) -> DVec3 {
         if !self.regular {
-            return target_over(anchor, self.grabbed.iter().map(|g| (g.anchor, g.base)), self.radius);
+            let joined = self.grabbed.iter().enumerate().filter(|(k, g)| !parted(*k, anchor.distance(g.anchor)));
+            return target_over(anchor, joined.map(|(_, g)| (g.anchor, g.base)), self.radius);
         }
         if follower >= self.followers.len() {
             let unknown = Follower { anchor, made_for: 0, base: DVec3::ZERO, shares: [0.0; GROUPS] };
@@ -141,8 +146,12 @@ impl Followers {
         let (known, made) = (&mut self.followers[follower], self.made);
         if known.made_for != made || known.anchor != anchor {
             let (mut sum, mut base, mut shares) = (0.0, DVec3::ZERO, [0.0; GROUPS]);
-            for grabbed in &self.grabbed {
-                let g = pull(anchor.distance(grabbed.anchor), self.radius);
+            for (k, grabbed) in self.grabbed.iter().enumerate() {
+                let distance = anchor.distance(grabbed.anchor);
+                if parted(k, distance) {
+                    continue;
+                }
+                let g = pull(distance, self.radius);
                 sum += g;
                 base += g * grabbed.base;
                 shares[grabbed.group] += g;
@@ -216,9 +225,9 @@ mod tests {
         let mut followers = Followers::default();
         let mut most = 0f64;
         let mut check = |followers: &mut Followers, anchors: &[DVec3], grabbed: &[(DVec3, DVec3)]| {
-            followers.set_grabbed(grabbed, 0.3);
+            followers.set_grabbed(grabbed, 0.3, 0);
             for (j, a) in anchors.iter().enumerate() {
-                let (wanted, found) = (target(*a, grabbed, 0.3), followers.target(j, *a));
+                let (wanted, found) = (target(*a, grabbed, 0.3), followers.target(j, *a, |_, _| false));
                 most = most.max(wanted.distance(found));
                 assert!(wanted.distance(found) < 1e-12, "{j}: {wanted} {found}");
             }
@@ -249,8 +258,12 @@ mod tests {
         }
         assert_eq!(followers.times_made(), before + 1);
         // Broken twin: shares that are not made anew when what is grabbed changes.
-        followers.set_grabbed(&held(12, &|_| step(0)), 0.3);
-        let stale = followers.target(3, anchors[3]);
+        followers.set_grabbed(&held(12, &|_| step(0)), 0.3, 0);
+        let stale = followers.target(3, anchors[3], |_, _| false);
         assert!(stale.distance(target(anchors[3], &held(12, &|_| step(9)), 0.3)) > 1e-3);
+        // A wound that comes in between: what is beyond it does not count.
+        followers.set_grabbed(&held(12, &|_| step(9)), 0.3, 1);
+        let beyond = |k: usize, _: f64| k >= 5;
+        assert!(followers.target(3, anchors[3], beyond).distance(target(anchors[3], &held(5, &|_| step(9)), 0.3)) < 1e-12);
     }
 }

@@ -52,6 +52,15 @@ impl Scene {
         }
     }
 
+    /// Lets go of particles that an undo has taken away, before others get their numbers.
+    pub(super) fn prune_grabs(&mut self) {
+        let Self { grabs, tissues, .. } = self;
+        for (id, held) in grabs.iter_mut().flat_map(|grab| &mut grab.held) {
+            let map = tissues.get(id).and_then(|t| t.layer()).map(|l| &l.map);
+            held.retain(|h| map.is_some_and(|map| map.anchors.get(h.0.index()).is_some_and(|a| a.is_some())));
+        }
+    }
+
     /// Lets go: the springs take over.
     pub(super) fn end_grab(&mut self, id: u32) {
         self.grabs.retain(|g| g.id != id);

@@ -113,6 +113,7 @@ impl Scene {
         self.history.travelled_bytes += bytes;
         gone.into_iter().for_each(|id| self.piece_went_back(id));
         self.pieces_came_back(&back);
+        self.prune_grabs();
         inverse
     }
 }

@@ -177,7 +177,8 @@ struct TissueScratch {
     /// Held particles and their displacements: by hands, and all together.
     grabs: Vec<(ParticleId, DVec3)>,
     all_held: Vec<(ParticleId, DVec3)>,
-    /// Anchors at rest and displacements of what hands hold, and the others that follow.
+    /// Anchors of what hands hold; where those are at rest, with displacements from rest; and the others that follow.
+    anchors_held: Vec<VertexId>,
     followed: Vec<(DVec3, DVec3)>,
     followers: Followers,
     turns: rotation::TurnScratch,
@@ -473,15 +474,15 @@ impl Tissue {
     /// them follow by direct displacement (MATHS 3.4), with weights by distances at rest.
     pub fn hold_particles(&mut self, held: &[(ParticleId, DVec3)]) {
         let Some(layer) = &mut self.layer else { return };
-        if held.is_empty() && self.scratch.followed.is_empty() {
+        if held.is_empty() && self.scratch.grabs.is_empty() {
             return;
         }
-        self.scratch.followed.clear();
+        self.scratch.anchors_held.clear();
         self.scratch.grabs.clear();
         for &(p, u) in held {
             let anchor = layer.map.anchors.get(p.index()).copied().unwrap_or_default();
             if anchor.is_some() {
-                self.scratch.followed.push((self.rest[anchor.index()], u));
+                self.scratch.anchors_held.push(anchor);
                 self.scratch.grabs.push((p, u));
             }
         }
@@ -492,26 +493,40 @@ impl Tissue {
     pub fn step(&mut self, step_s: f64) {
         self.push_particles(step_s);
         let Some(layer) = &mut self.layer else { return };
-        let TissueScratch { step, rest_displacements, followed, followers, rests, .. } = &mut self.scratch;
-        let stands = !layer.network.awake() && !layer.is_opening() && followed.is_empty();
+        let TissueScratch { step, rest_displacements, grabs, anchors_held, followed, followers, rests, .. } = &mut self.scratch;
+        let stands = !layer.network.awake() && !layer.is_opening() && grabs.is_empty();
         let now = Some([self.versions.pose, self.versions.structure]);
         if stands && *rests == now {
             return;
         }
         *rests = now.filter(|_| stands);
-        followers.set_grabbed(followed, layer.settings.spacing);
         layer.open_wounds(step_s, self.diagonal);
-        rest_displacements.clear();
-        for p in 0..layer.map.len() {
-            let (u0, anchor) = (layer.opening[p], layer.map.anchors[p]);
-            let moves = u0 != DVec3::ZERO && anchor.is_some();
-            let mut rest = if moves { self.pose.blended_linear(&self.rows, anchor) * u0 } else { DVec3::ZERO };
-            if !followed.is_empty() && anchor.is_some() {
-                rest += followers.target(p, self.rest[anchor.index()]);
-            }
-            rest_displacements.push(rest.to_array());
+        let SoftLayer { map, opening, strips, settings, network, .. } = layer;
+        let (rest, rows, pose) = (&self.rest, &self.rows, &self.pose);
+        let opened = |p: usize| match (opening[p], map.anchors[p]) {
+            (DVec3::ZERO, _) => DVec3::ZERO,
+            (_, anchor) if anchor.is_none() => DVec3::ZERO,
+            (u0, anchor) => pose.blended_linear(rows, anchor) * u0,
+        };
+        if grabs.iter().any(|g| g.0.index() >= map.len()) || anchors_held.iter().any(|a| a.index() >= rest.len()) {
+            (*grabs, *anchors_held) = Default::default(); // an undo has taken them away
         }
-        layer.network.set_rest_displacements(rest_displacements);
+        followed.clear();
+        followed.extend(grabs.iter().zip(&*anchors_held).map(|(&(p, u), a)| (rest[a.index()], u - opened(p.index()))));
+        followers.set_grabbed(followed, settings.spacing, strips.len());
+        rest_displacements.clear();
+        for (p, &anchor) in map.anchors.iter().enumerate() {
+            let mut displacement = opened(p);
+            if !followed.is_empty() && anchor.is_some() {
+                // as influences are: a lip does not follow the hand that pulls at the other
+                let parted = |k: usize, distance: f64| {
+                    distance < settings.reach() && !strips.is_empty() && !strips.connects_vertices(rest, anchor, anchors_held[k])
+                };
+                displacement += followers.target(p, rest[anchor.index()], parted);
+            }
+            rest_displacements.push(displacement.to_array());
+        }
+        network.set_rest_displacements(rest_displacements);
         if layer.network.awake() {
             layer.network.step(step_s, step);
             self.versions.displacements += 1;
