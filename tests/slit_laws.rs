@@ -6,6 +6,7 @@ use common::Solid;
 use common::models::scene;
 use glam::{DMat3, DQuat, DVec3};
 use incise::geometry::{FaceId, HalfEdge, VertexId};
+use incise::particles::random::draw;
 use incise::scene::{EditCommand, EditReport, Outcome, Scene};
 use incise::surgery::leaf::{Leaf, line};
 use incise::surgery::slit::{OnLines, SlitScratch, SlitStep, slit_step};
@@ -371,4 +372,38 @@ fn a_broken_slit_is_caught() {
     let lip = step.lips.iter().find(|l| l.side > 0).unwrap();
     moved.positions[lip.vertex.index()] += DVec3::new(0.0, 1e-6, 0.0);
     assert!(check(&before, &moved, leaves, step.opened_edges).is_err(), "a lip moved");
+}
+
+/// A hand drags the whole model about under a blade of width 0. Ends of the slit that are far from where they were are no starts of its
+/// next strip, nor joined to it: taken for that, they were cut around again and again, 20,000 vertices in one segment.
+#[test]
+fn a_slit_in_tissue_that_jumps_stays_in_proportion() {
+    for name in ["beam", "heart", "sphere"] {
+        let mut n = 0;
+        let mut random = |low: f64, high: f64| {
+            n += 1;
+            low + (high - low) * (draw(50, n) >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let (mut scene, _) = scene(name, 800);
+        scene.pose(0.0, 0.0);
+        let (low, high) = scene.ground_bounds();
+        let (centre, diagonal) = (0.5 * (low + high), (high - low).length());
+        let direction = |random: &mut dyn FnMut(f64, f64) -> f64| DVec3::from_array([(); 3].map(|_| random(-1.0, 1.0)));
+        scene.edit(EditCommand::GrabBegin { id: 1, center: centre, radius: 10.0 * diagonal });
+        let axis = direction(&mut random).normalize();
+        let along = direction(&mut random).cross(axis).normalize();
+        let mut at = centre - along * diagonal * random(0.0, 0.5);
+        scene.edit(EditCommand::StrokeBegin { width: 0.0 });
+        for k in 0..6 {
+            let (tip, base) = (at - axis * diagonal * random(0.0, 0.3), at + axis * diagonal * 0.9);
+            scene.edit(EditCommand::StrokePose(BladePose { t: 0.1 * f64::from(k), tip, base }));
+            at += (along + 0.5 * direction(&mut random)) * diagonal * random(0.03, 0.2);
+            scene.edit(EditCommand::GrabMove { id: 1, by: direction(&mut random) * diagonal * 0.1 });
+            (0..3).for_each(|_| scene.step(1.0 / 90.0));
+        }
+        let report = scene.edit(EditCommand::StrokeEnd).remove(0);
+        let most = report.segments.iter().map(|s| s.new_vertices).max().unwrap();
+        assert!(report.outcome != Outcome::Missed && most < 1000, "{name}: {most} vertices in one segment");
+        scene.validate().unwrap();
+    }
 }

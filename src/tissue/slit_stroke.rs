@@ -20,6 +20,12 @@ const SAME_LINE: f64 = 1e-9;
 /// A vertex this near to a strip is cut through, as a fraction of the diagonal: a few steps of the grid of the blades.
 const ON_PLANE: f64 = 1e-11;
 
+/// An end of a strip that is farther from its last blade, as a fraction of the diagonal, is none: many roundings of a position.
+const OFF_LINE: f64 = 1e-5;
+
+/// Ends that have come further apart, as a fraction of the diagonal, are left apart: tissue that jumps is not cut along its way.
+const MOST_JOINED: f64 = 0.02;
+
 /// Where a strip ended.
 struct Ended {
     /// Chain and place of the strip.
@@ -40,8 +46,9 @@ pub(super) struct SlitState {
     step: SlitStep,
     ended: Vec<Ended>,
     committed: Vec<Slit>,
-    /// Scratch: tags of the starts, and starts that were missed with ends that are free.
+    /// Scratch: tags of the starts, those still on the line, and starts that were missed with ends that are free.
     starts: Vec<OnLines>,
+    on_line: Vec<OnLines>,
     missed: Vec<VertexId>,
     free: Vec<VertexId>,
 }
@@ -74,12 +81,15 @@ impl SlitState {
         self.ended.iter().rev().find(follows)
     }
 
-    fn end(&mut self, slit: &Slit, at_rest: [DVec3; 2], strip: Option<usize>) {
+    /// `strays` says of a vertex and of the strip's last blade whether they are apart.
+    fn end(&mut self, slit: &Slit, at_rest: [DVec3; 2], strip: Option<usize>, strays: impl Fn(VertexId, [DVec3; 2]) -> bool) {
         let mut vertices = if self.ended.len() == ENDS_KEPT { self.ended.remove(0).vertices } else { Vec::new() };
         vertices.clear();
         let tags = self.step.tags.iter().filter(|t| t.lines & line::END != 0);
         let (place, blade) = ((slit.chain, slit.index), [slit.corners[1], slit.corners[2]]);
-        vertices.extend(tags.map(|t| t.vertex));
+        // Where tissue has moved, starts by tag are not where the blade is, and what is cut beside them may seem to end there as well:
+        // as starts of the next strip those would part it anew, and again.
+        vertices.extend(tags.map(|t| t.vertex).filter(|&v| !strays(v, blade)));
         self.ended.push(Ended { place, blade, at_rest, strip, vertices });
         self.committed.push(slit.clone());
     }
@@ -102,11 +112,15 @@ impl TearStroke {
         let (hit, [start, end]) = report.stages.time("perform_tear", || {
             tissue.faces_near(low, high, &mut self.candidates);
             self.candidates.sort_unstable();
-            let SlitState { scratch, step, .. } = &mut self.slits;
+            let SlitState { scratch, step, on_line, .. } = &mut self.slits;
             // at rest while every vertex of the candidates still has a row
             let edges = [[c[0], c[3]], [c[1], c[2]]].map(|edge| at_rest(tissue, &self.candidates, edge));
+            // where the tissue has moved, a tag would stand against everything around its vertex
+            on_line.clear();
+            let far = OFF_LINE * tissue.diagonal();
+            on_line.extend(starts.iter().filter(|t| distance_to_line(tissue.position(t.vertex), [c[0], c[3]]) <= far));
             let (mesh, posed) = tissue.split_borrow();
-            let hit = slit_step(mesh, &leaves, &self.candidates, &|v| posed.position(v), &starts, scratch, step);
+            let hit = slit_step(mesh, &leaves, &self.candidates, &|v| posed.position(v), on_line, scratch, step);
             if hit {
                 self.join_ends(tissue, slit, &starts);
             }
@@ -130,11 +144,12 @@ impl TearStroke {
             self.close_notes(tissue, &mut report);
         }
         self.slits.starts = starts;
-        self.slits.end(slit, end, strip);
+        let far = OFF_LINE * tissue.diagonal();
+        self.slits.end(slit, end, strip, |v, blade| distance_to_line(tissue.position(v), blade) > far);
         self.reports.push(report);
     }
 
-    /// Joins ends of the slit that the strip has missed to its own nearest starts.
+    /// Joins ends of the slit that the strip has missed to its own nearest starts, if those are near.
     fn join_ends(&mut self, tissue: &mut Tissue, slit: &Slit, starts: &[OnLines]) {
         let SlitState { scratch, step, missed, free, .. } = &mut self.slits;
         let is_start = |v: VertexId| starts.iter().any(|t| t.vertex == v);
@@ -155,9 +170,8 @@ impl TearStroke {
             let near = |v: &VertexId| place(*v).distance_squared(a);
             let Some(to) = free.iter().copied().min_by(|v, w| near(v).total_cmp(&near(w)).then(v.cmp(w))) else { break };
             let b = place(to);
-            let Some(leaf) = Leaf::between(a, b, up, 2.0 * a.distance(b)).filter(|_| a.distance(b) < up.length()) else {
-                continue;
-            };
+            let is_near = a.distance(b) < up.length().min(MOST_JOINED * tissue.diagonal());
+            let Some(leaf) = Leaf::between(a, b, up, 2.0 * a.distance(b)).filter(|_| is_near) else { continue };
             free.retain(|&v| v != to);
             // what the strip itself has tagged is not on this leaf's lines
             let others = std::mem::take(&mut step.tags);
