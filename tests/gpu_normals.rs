@@ -165,7 +165,9 @@ fn normals_and_lips_of_wounded_models_equal_the_f64_ones() {
             look(tissue, &twins, u64::from(id.0), &mut found);
         }
         println!("{name}, {what}: {found:?}");
-        assert_eq!(app.scene.tissues().count(), if what.starts_with("torn") && !what.contains("cut") { 1 } else { 2 });
+        // between the wound's wall and the plane a sliver may come off as well
+        let expected = if what.starts_with("torn") && !what.contains("cut") { 1..=1 } else { 2..=3 };
+        assert!(expected.contains(&app.scene.tissues().count()), "{name}, {what}");
         assert!(found.worst < TOLERANCE && found.worst_of_own < TOLERANCE, "{name}, {what}: {found:?}");
         assert!(found.slivers * 50 < found.wedges, "{name}, {what}: {found:?}");
         assert!(found.near_lips > 100 && found.worst_lip < 1e-6, "{name}, {what}: {found:?}");

@@ -233,7 +233,7 @@ mod tests {
             drawn += 1;
             draw(seed, drawn) as usize % below
         };
-        let mut number = |p: [i32; 3], points: &mut Vec<[i32; 3]>| {
+        let number = |p: [i32; 3], points: &mut Vec<[i32; 3]>| {
             points.iter().position(|q| *q == p).unwrap_or_else(|| {
                 points.push(p);
                 points.len() - 1
