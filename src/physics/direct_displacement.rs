@@ -77,6 +77,11 @@ pub struct Followers {
     made: u64,
     followers: Vec<Follower>,
     wounds: usize,
+    /// Counts the sets of what is grabbed and of wounds.
+    sets: u64,
+    /// By follower: for which set it was asked what is parted from it, and the answers, one for each that is grabbed.
+    asked: Vec<u64>,
+    parted: Vec<bool>,
 }
 
 impl Followers {
@@ -89,6 +94,7 @@ impl Followers {
             && self.grabbed.iter().zip(grabbed).all(|(known, now)| known.anchor == now.0);
         if !same {
             (self.radius, self.wounds) = (radius, wounds);
+            self.sets += 1;
             self.grabbed.clear();
             self.grabbed.extend(grabbed.iter().map(|&(anchor, base)| Grabbed { anchor, base, group: 0 }));
             self.begin(1);
@@ -133,11 +139,23 @@ impl Followers {
     }
 
     /// [`target`] of the follower with this number, whose anchor is here, over all that is grabbed but what is `parted` from it: by a
-    /// wound between them. That is asked with the place in the list and the distance.
-    pub fn target(&mut self, follower: usize, anchor: DVec3, parted: impl Fn(usize, f64) -> bool) -> DVec3 {
+    /// wound between them. That is asked with the place in the list, once for as long as the same is grabbed.
+    pub fn target(&mut self, follower: usize, anchor: DVec3, parted: impl Fn(usize) -> bool) -> DVec3 {
+        let held = self.grabbed.len();
+        if follower >= self.asked.len() {
+            self.asked.resize(follower + 1, 0);
+        }
+        if self.parted.len() < (follower + 1) * held {
+            self.parted.resize((follower + 1) * held, false);
+        }
+        let (answers, known) = (&mut self.parted[follower * held..][..held], self.followers.get(follower));
+        if self.asked[follower] != self.sets || known.is_some_and(|known| known.anchor != anchor) {
+            answers.iter_mut().enumerate().for_each(|(k, answer)| *answer = parted(k));
+            self.asked[follower] = self.sets;
+        }
         if !self.regular {
-            let joined = self.grabbed.iter().enumerate().filter(|(k, g)| !parted(*k, anchor.distance(g.anchor)));
-            return target_over(anchor, joined.map(|(_, g)| (g.anchor, g.base)), self.radius);
+            let joined = self.grabbed.iter().zip(&*answers).filter(|(_, parted)| !**parted);
+            return target_over(anchor, joined.map(|(g, _)| (g.anchor, g.base)), self.radius);
         }
         if follower >= self.followers.len() {
             let unknown = Follower { anchor, made_for: 0, base: DVec3::ZERO, shares: [0.0; GROUPS] };
@@ -146,12 +164,8 @@ impl Followers {
         let (known, made) = (&mut self.followers[follower], self.made);
         if known.made_for != made || known.anchor != anchor {
             let (mut sum, mut base, mut shares) = (0.0, DVec3::ZERO, [0.0; GROUPS]);
-            for (k, grabbed) in self.grabbed.iter().enumerate() {
-                let distance = anchor.distance(grabbed.anchor);
-                if parted(k, distance) {
-                    continue;
-                }
-                let g = pull(distance, self.radius);
+            for (grabbed, _) in self.grabbed.iter().zip(&*answers).filter(|(_, parted)| !**parted) {
+                let g = pull(anchor.distance(grabbed.anchor), self.radius);
                 sum += g;
                 base += g * grabbed.base;
                 shares[grabbed.group] += g;
@@ -227,7 +241,7 @@ mod tests {
         let mut check = |followers: &mut Followers, anchors: &[DVec3], grabbed: &[(DVec3, DVec3)]| {
             followers.set_grabbed(grabbed, 0.3, 0);
             for (j, a) in anchors.iter().enumerate() {
-                let (wanted, found) = (target(*a, grabbed, 0.3), followers.target(j, *a, |_, _| false));
+                let (wanted, found) = (target(*a, grabbed, 0.3), followers.target(j, *a, |_| false));
                 most = most.max(wanted.distance(found));
                 assert!(wanted.distance(found) < 1e-12, "{j}: {wanted} {found}");
             }
@@ -259,11 +273,11 @@ mod tests {
         assert_eq!(followers.times_made(), before + 1);
         // Broken twin: shares that are not made anew when what is grabbed changes.
         followers.set_grabbed(&held(12, &|_| step(0)), 0.3, 0);
-        let stale = followers.target(3, anchors[3], |_, _| false);
+        let stale = followers.target(3, anchors[3], |_| false);
         assert!(stale.distance(target(anchors[3], &held(12, &|_| step(9)), 0.3)) > 1e-3);
         // A wound that comes in between: what is beyond it does not count.
         followers.set_grabbed(&held(12, &|_| step(9)), 0.3, 1);
-        let beyond = |k: usize, _: f64| k >= 5;
+        let beyond = |k: usize| k >= 5;
         assert!(followers.target(3, anchors[3], beyond).distance(target(anchors[3], &held(5, &|_| step(9)), 0.3)) < 1e-12);
     }
 }

@@ -177,7 +177,7 @@ struct TissueScratch {
     /// Held particles and their displacements: by hands, and all together.
     grabs: Vec<(ParticleId, DVec3)>,
     all_held: Vec<(ParticleId, DVec3)>,
-    /// Anchors of what hands hold; where those are at rest, with displacements from rest; and the others that follow.
+    /// Anchors of what hands hold; where they are at rest, with displacements from rest; and what follows.
     anchors_held: Vec<VertexId>,
     followed: Vec<(DVec3, DVec3)>,
     followers: Followers,
@@ -187,6 +187,8 @@ struct TissueScratch {
     rests: Option<[u64; 2]>,
 }
 
+/// Of more pairs of held particles and others than this, wounds are looked for between near ones only.
+const MOST_PAIRS: usize = 1 << 16;
 /// A wound this near to its full opening, as a fraction of the diagonal, has opened.
 const OPENED: f64 = 1e-7;
 
@@ -503,25 +505,25 @@ impl Tissue {
         layer.open_wounds(step_s, self.diagonal);
         let SoftLayer { map, opening, strips, settings, network, .. } = layer;
         let (rest, rows, pose) = (&self.rest, &self.rows, &self.pose);
-        let opened = |p: usize| match (opening[p], map.anchors[p]) {
-            (DVec3::ZERO, _) => DVec3::ZERO,
-            (_, anchor) if anchor.is_none() => DVec3::ZERO,
-            (u0, anchor) => pose.blended_linear(rows, anchor) * u0,
+        let opened = |p: usize| {
+            let (u0, anchor) = (opening[p], map.anchors[p]);
+            if u0 == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { pose.blended_linear(rows, anchor) * u0 }
         };
         if grabs.iter().any(|g| g.0.index() >= map.len()) || anchors_held.iter().any(|a| a.index() >= rest.len()) {
-            (*grabs, *anchors_held) = Default::default(); // an undo has taken them away
+            (*grabs, *anchors_held) = Default::default(); // by an undo
         }
         followed.clear();
         followed.extend(grabs.iter().zip(&*anchors_held).map(|(&(p, u), a)| (rest[a.index()], u - opened(p.index()))));
         followers.set_grabbed(followed, settings.spacing, strips.len());
+        let few = followed.len() * map.len() < MOST_PAIRS;
         rest_displacements.clear();
         for (p, &anchor) in map.anchors.iter().enumerate() {
             let mut displacement = opened(p);
             if !followed.is_empty() && anchor.is_some() {
                 // as influences are: a lip does not follow the hand that pulls at the other
-                let parted = |k: usize, distance: f64| {
-                    distance < settings.reach() && !strips.is_empty() && !strips.connects_vertices(rest, anchor, anchors_held[k])
-                };
+                let near = |k: usize| few || followed[k].0.distance(rest[anchor.index()]) < settings.reach();
+                let joined = |k: usize| strips.is_empty() || strips.connects_vertices(rest, anchor, anchors_held[k]);
+                let parted = |k: usize| near(k) && !joined(k);
                 displacement += followers.target(p, rest[anchor.index()], parted);
             }
             rest_displacements.push(displacement.to_array());
