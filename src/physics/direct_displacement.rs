@@ -76,8 +76,8 @@ pub struct Followers {
     /// Counts the sets of weights.
     made: u64,
     followers: Vec<Follower>,
-    wounds: usize,
-    /// Counts the sets of what is grabbed and of wounds.
+    edits: u64,
+    /// Counts the sets of what is grabbed, and the edits meanwhile.
     sets: u64,
     /// By follower: for which set it was asked what is parted from it, and the answers, one for each that is grabbed.
     asked: Vec<u64>,
@@ -86,14 +86,14 @@ pub struct Followers {
 
 impl Followers {
     /// Tells anchors and displacements of what is grabbed, metres, in any order but always the same. `radius` as for [`pull`];
-    /// `wounds` is any number that changes with what parts followers from what is grabbed.
-    pub fn set_grabbed(&mut self, grabbed: &[(DVec3, DVec3)], radius: f64, wounds: usize) {
+    /// `edits` is any number that changes with every edit: a wound may part followers from what is grabbed.
+    pub fn set_grabbed(&mut self, grabbed: &[(DVec3, DVec3)], radius: f64, edits: u64) {
         let same = self.radius == radius
-            && self.wounds == wounds
+            && self.edits == edits
             && self.grabbed.len() == grabbed.len()
             && self.grabbed.iter().zip(grabbed).all(|(known, now)| known.anchor == now.0);
         if !same {
-            (self.radius, self.wounds) = (radius, wounds);
+            (self.radius, self.edits) = (radius, edits);
             self.sets += 1;
             self.grabbed.clear();
             self.grabbed.extend(grabbed.iter().map(|&(anchor, base)| Grabbed { anchor, base, group: 0 }));

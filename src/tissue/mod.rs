@@ -514,7 +514,7 @@ impl Tissue {
         }
         followed.clear();
         followed.extend(grabs.iter().zip(&*anchors_held).map(|(&(p, u), a)| (rest[a.index()], u - opened(p.index()))));
-        followers.set_grabbed(followed, settings.spacing, strips.len());
+        followers.set_grabbed(followed, settings.spacing, self.versions.structure);
         let few = followed.len() * map.len() < MOST_PAIRS;
         rest_displacements.clear();
         for (p, &anchor) in map.anchors.iter().enumerate() {
