@@ -192,6 +192,14 @@ impl StripGeometry {
 
     /// How a point sees the strip, for links to points of the box of half-width `radius` around it.
     pub fn sight(&self, from: DVec3, radius: f64) -> Sight {
+        // a point that lies in the strip: which side it is on is for exact arithmetic to tell
+        let reach = 1e-9 * (self.high - self.low).length();
+        let is_in = |t: usize| {
+            self.height(t, from).abs() <= reach && distance_squared_to_triangle(from, self.triangles[t]) <= reach * reach
+        };
+        if is_in(0) || is_in(1) {
+            return Sight::everywhere(from);
+        }
         let [[tip0, tip1, base1], [.., base0]] = self.triangles;
         let corners = [tip0, tip1, base1, base0].map(|c| c - from);
         let mut normals = [[0.0f32; 4]; 3];
@@ -387,6 +395,35 @@ mod tests {
     /// A strip in the plane y = 0 from x = 0 to 1, tip at z = -1, base at z = 0; side +1 is towards -y.
     fn strip(d: f64) -> StripGeometry {
         StripGeometry::new([DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 0.0), DVec3::ZERO], d)
+    }
+
+    #[test]
+    fn a_point_in_a_strip_sees_it_on_both_sides() {
+        let strip = StripGeometry::new([DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y], 0.2);
+        let off = DVec3::new(0.1, 0.05, 0.3);
+        for at in [DVec3::new(0.4, 0.3, 0.0), DVec3::new(0.5, 0.0, 0.0), DVec3::new(0.5, 0.5, 1e-17), DVec3::X] {
+            let sight = strip.sight(at, 1.0);
+            let crossing = [off, -off].map(|d| strip.crosses(at, at + d));
+            assert!(crossing.contains(&true) || at == DVec3::X, "{at}");
+            for (d, crosses) in [off, -off].into_iter().zip(crossing) {
+                assert!(!crosses || sight.may_meet(at + d), "{at} {d}");
+            }
+        }
+        // a twisted one: its other triangle's corner lies to one side
+        for twist in [0.2, -0.2, 1e-4] {
+            let strip = StripGeometry::new([DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::new(0.0, 1.0, twist)], 0.0);
+            let at = DVec3::new(0.6, 0.3, 0.0);
+            let crossing = [off, -off].map(|d| strip.crosses(at, at + d));
+            assert!(crossing.contains(&true));
+            for (d, crosses) in [off, -off].into_iter().zip(crossing) {
+                assert!(!crosses || strip.sight(at, 1.0).may_meet(at + d), "{twist} {d}");
+            }
+        }
+        // beside it in its plane nothing crosses, and a little above it one side does
+        let beside = strip.sight(DVec3::new(2.0, 0.5, 0.0), 1.5);
+        assert!(!beside.may_meet(DVec3::new(1.0, 0.5, 0.3)) && !beside.may_meet(DVec3::new(1.0, 0.5, -0.3)));
+        let above = strip.sight(DVec3::new(0.4, 0.3, 0.01), 1.0);
+        assert!(above.may_meet(DVec3::new(0.4, 0.3, -0.3)) && !above.may_meet(DVec3::new(0.4, 0.3, 0.3)));
     }
 
     #[test]
