@@ -5,8 +5,10 @@
 
 use super::map_update::{Update, UpdateScratch};
 use super::strip_test::{Sight, StripGeometry};
-use crate::geometry::ParticleId;
+use super::strips::LipSide;
 use crate::geometry::room::fit;
+use crate::geometry::{ParticleId, VertexId};
+use glam::DVec3;
 use std::ops::Range;
 
 /// Outcodes of particles to one strip, in an array that is clean between uses.
@@ -63,6 +65,45 @@ impl Update<'_, '_> {
             self.cut_behind_strip(k);
             self.cut_unshadowed(k);
             self.cut_neighbours(k);
+            self.cut_by_new_sides(k);
+        }
+    }
+
+    /// Links across the strip before strip `k`, of old vertices that know their side of that one since they are lips of `k`: a blade that
+    /// goes back through its own slit makes such.
+    fn cut_by_new_sides(&mut self, k: usize) {
+        let Some(before) = k.checked_sub(1) else { return };
+        for lip in self.edit.lips.iter().filter(|l| l.strip == k) {
+            let v = lip.vertex;
+            let is_told = |l: &LipSide| l.strip as usize == k || (l.strip + 2) as usize <= before || l.strip as usize > k;
+            let is_new = self.strips.lip_sides(v).iter().all(is_told) && self.strips.knows_side(before, v);
+            if !is_new || v.index() >= self.map.influences.rows() || !self.mesh.vertex_is_live(v) {
+                continue;
+            }
+            let crosses = |w: VertexId| self.strips.crosses(before, self.rest, w, v);
+            let UpdateScratch { rows, near, work, lost, .. } = &mut *self.scratch;
+            for influence in self.map.influences.row(v.index()) {
+                if crosses(self.map.anchors[influence.particle.index()]) {
+                    self.report.influences_removed += usize::from(rows.open(v, self.map).remove(influence.particle));
+                }
+            }
+            let Some(&j) = near.iter().find(|j| self.map.anchors[j.index()] == v) else { continue };
+            work.clear();
+            self.strips.places.holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |w| work.push(w));
+            for &w in work.iter().filter(|w| w.index() < self.rest.len() && self.mesh.vertex_is_live(**w)) {
+                if rows.holds(w, j, self.map) && crosses(w) {
+                    self.report.influences_removed += usize::from(rows.open(w, self.map).remove(j));
+                }
+            }
+            lost.clear();
+            lost.extend(self.map.neighbours.row(j.index()).iter().map(|l| l.particle));
+            lost.retain(|other| crosses(self.map.anchors[other.index()]));
+            self.report.links_removed += lost.len();
+            for i in 0..self.scratch.lost.len() {
+                let other = self.scratch.lost[i];
+                self.remove_link(j, other);
+                self.remove_link(other, j);
+            }
         }
     }
 

@@ -339,6 +339,19 @@ fn a_tear_right_through_severs() {
     close(areas(&edit) + number(&edit["area_removed"]), number(&edit["area_before"]), 1e-6);
 }
 
+/// A vertex of the way out is a lip of the way back, and knows its side of what was cut before that for it: whatever it holds, and
+/// whoever is anchored to it, must be asked again. (The program validates itself in tests.)
+#[test]
+fn a_blade_that_goes_back_through_its_slit_leaves_no_link_across_it() {
+    let place = Place::new();
+    let there = r#""tip": [-0.05, -0.023, 0.046], "base": [-0.349, -0.102, 0.083]"#;
+    let turn = r#""tip": [-0.04, -0.069, 0.028], "base": [-0.339, -0.148, 0.065]"#;
+    let poses = [(0.0, there), (3.08, turn), (3.16, there)].map(|(t, at)| format!("{{\"t\": {t}, {at}}}"));
+    place.write("path.json", format!("{{\"poses\": [{}]}}", poses.join(", ")));
+    let edit = place.ok_json("tear beam --path path.json --width 6.235383126342517e-06 --wall closed --out torn.glb");
+    assert_eq!((edit["outcome"].as_str(), count(&edit["pieces"][0]["boundary_edges"])), (Some("torn"), 0));
+}
+
 #[test]
 fn a_blade_that_never_touches_changes_nothing() {
     let place = Place::new();
