@@ -4,6 +4,7 @@
 //! rest of the arena alone: cost and upload follow the wound, not the model. Built by count, scan, fill.
 
 use super::hash::StateHash;
+use super::room::rows_headroom;
 use super::tracked::{Delta, Tracked};
 use bytemuck::{Pod, Zeroable};
 
@@ -46,6 +47,12 @@ impl<T> Default for SlotCsrDelta<T> {
 }
 
 impl<T> SlotCsrDelta<T> {
+    /// [`Delta::make_room`] for rows and entries.
+    pub fn make_room(&mut self, edits: usize) {
+        self.spans.make_room(edits);
+        self.entries.make_room(4 * edits);
+    }
+
     /// True if nothing changed.
     pub fn is_empty(&self) -> bool {
         self.spans.is_empty() && self.entries.is_empty()
@@ -222,7 +229,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
     /// Makes room for what edits will append.
     pub fn make_room(&mut self) {
         self.spans.make_room();
-        self.entries.make_room();
+        self.entries.reserve(rows_headroom(self.entries.len()));
     }
 
     /// Empties rows, each listed once. Their entries stay in the arena as a hole.

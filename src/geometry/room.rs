@@ -14,3 +14,8 @@ pub fn fit<T: Clone>(table: &mut Vec<T>, len: usize, fill: T) {
 pub fn headroom(len: usize) -> usize {
     len / 2 + 1024
 }
+
+/// The same for `len` entries in rows that move to the end when they grow: an hour's edits write more than there was.
+pub fn rows_headroom(len: usize) -> usize {
+    headroom(len) + (4 * len).min(1 << 20)
+}

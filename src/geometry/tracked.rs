@@ -12,6 +12,9 @@ use std::ops::{Deref, Range};
 /// From this many notes on a delta takes them over, room and all: a copy would take longer than finding room anew.
 const MANY_NOTES: usize = 4096;
 
+/// Notes that a list has room for at first: more than a segment of a tear mostly takes. It is no memory before it is written to.
+const NOTES_ROOM: usize = 1024;
+
 /// A growable array whose changes can be taken back. Reads deref to a slice.
 #[derive(Clone, Debug)]
 pub struct Tracked<T> {
@@ -88,11 +91,18 @@ impl<T: Copy> Tracked<T> {
     /// Makes room for the entries that edits will append: a growing array is copied as a whole, which no edit should wait for.
     pub fn make_room(&mut self) {
         self.data.reserve(headroom(self.data.len()));
+        self.make_room_for_notes();
+    }
+
+    /// Makes room for the notes of an edit.
+    fn make_room_for_notes(&mut self) {
+        self.log.reserve(NOTES_ROOM);
     }
 
     /// Makes room for so many entries more.
     pub fn reserve(&mut self, entries: usize) {
         self.data.reserve(entries);
+        self.make_room_for_notes();
     }
 
     /// [`Tracked::set`] for many entries, each listed once: `new` makes the value from the old one.
@@ -251,6 +261,11 @@ impl<T: Copy> Delta<T> {
 }
 
 impl<T> Delta<T> {
+    /// Makes room for what so many usual edits note.
+    pub fn make_room(&mut self, edits: usize) {
+        self.writes.reserve(edits * NOTES_ROOM);
+    }
+
     /// True if nothing changed.
     pub fn is_empty(&self) -> bool {
         self.writes.is_empty() && self.len == self.new_len && self.restore_from == self.len
@@ -314,6 +329,11 @@ macro_rules! tracked_arrays {
             /// Heap bytes held.
             pub fn heap_bytes(&self) -> usize {
                 0 $(+ self.$field.heap_bytes())*
+            }
+
+            /// Makes room in every list for what so many usual edits note.
+            pub fn make_room(&mut self, edits: usize) {
+                $(self.$field.make_room(edits);)*
             }
 
             /// Adds what the next edit changed.

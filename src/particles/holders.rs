@@ -2,7 +2,7 @@
 
 use super::lists::Lists;
 use super::particle_map::{Influence, ParticleMap};
-use crate::geometry::room::{fit, headroom};
+use crate::geometry::room::{fit, headroom, rows_headroom};
 use crate::geometry::{ParticleId, StateHash, VertexId};
 use glam::{DVec3, Vec3A};
 
@@ -48,9 +48,9 @@ impl Holders {
             holders.bounds.widen(j, room.div_ceil(BLOCK), UNBOUNDED);
             holders.outer.widen(j, room.div_ceil(BLOCKS * BLOCK), UNBOUNDED);
         }
-        holders.vertices.reserve(headroom(holders.vertices.room()));
-        holders.bounds.reserve(headroom(holders.bounds.room()));
-        holders.outer.reserve(headroom(holders.outer.room()));
+        holders.vertices.reserve(rows_headroom(holders.vertices.room()));
+        holders.bounds.reserve(rows_headroom(holders.bounds.room()));
+        holders.outer.reserve(rows_headroom(holders.outer.room()));
         for (_, v) in order {
             for influence in map.influences.row(v as usize) {
                 holders.push(influence.particle, VertexId(v), rest[v as usize]);
@@ -70,6 +70,7 @@ impl Holders {
         self.ends = self.ends.max(v.index() + 1);
         fit(&mut self.noted, self.ends, 0);
         self.noted[v.index()] = hash;
+        let bounds = [below(at), above(at)];
         for influence in row {
             let j = influence.particle;
             while let [first, rest @ ..] = old
@@ -79,20 +80,24 @@ impl Holders {
             }
             let is_known = old.first().is_some_and(|o| o.particle == j) || may_be_listed && self.lists(j, v, at);
             if !is_known {
-                self.push(j, v, at);
+                self.push_at(j, v, bounds);
             }
         }
     }
 
     /// Notes that `j` holds `v`, which is at `at`.
     fn push(&mut self, j: ParticleId, v: VertexId, at: DVec3) {
+        self.push_at(j, v, [below(at), above(at)]);
+    }
+
+    /// The same with the bounds of where `v` is.
+    fn push_at(&mut self, j: ParticleId, v: VertexId, at: [Vec3A; 2]) {
         let (j, held) = (j.index(), self.vertices.get(j.index()).len());
         for (bounds, of) in [(&mut self.bounds, BLOCK), (&mut self.outer, BLOCKS * BLOCK)] {
             if held.is_multiple_of(of) {
-                bounds.push(j, UNBOUNDED);
-            }
-            if let Some([low, high]) = bounds.get_mut(j).last_mut() {
-                (*low, *high) = (low.min(below(at)), high.max(above(at)));
+                bounds.push(j, at);
+            } else if let Some([low, high]) = bounds.get_mut(j).last_mut() {
+                (*low, *high) = (low.min(at[0]), high.max(at[1]));
             }
         }
         self.vertices.push(j, v);
@@ -192,14 +197,26 @@ fn row_hash(at: DVec3, row: &[Influence]) -> u64 {
     hash.finish()
 }
 
-/// Rounded down.
-pub(super) fn below(p: DVec3) -> Vec3A {
-    Vec3A::from_array(p.to_array().map(|x| (x as f32).next_down()))
+/// Beyond every coordinate, and finite: what is added to it or taken off keeps it so.
+const FAR_OFF: Vec3A = Vec3A::splat(1e38);
+
+/// More than an f32 rounds by, with the rounding of that.
+fn rounding(p: Vec3A) -> Vec3A {
+    p.abs() * (2.0 * f32::EPSILON) + f32::MIN_POSITIVE
 }
 
-/// Rounded up.
+/// No higher in any coordinate, as f32; what is infinite becomes 1e38 or so.
+#[inline]
+pub(super) fn below(p: DVec3) -> Vec3A {
+    let p = p.as_vec3a().clamp(-FAR_OFF, FAR_OFF);
+    p - rounding(p)
+}
+
+/// No lower in any coordinate, as f32; what is infinite becomes 1e38 or so.
+#[inline]
 pub(super) fn above(p: DVec3) -> Vec3A {
-    Vec3A::from_array(p.to_array().map(|x| (x as f32).next_up()))
+    let p = p.as_vec3a().clamp(-FAR_OFF, FAR_OFF);
+    p + rounding(p)
 }
 
 /// Place along the Z-order curve of a point with coordinates from 0 to 1023; others are clamped.
@@ -217,6 +234,18 @@ fn along_curve(p: DVec3) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bounds_are_rounded_outwards() {
+        let values = [0.0, 1.0, 0.1, -0.1, 1.0 / 3.0, 1e12, -1e12 / 3.0, 1e-30, 1e-40, 3.7e-46, f64::MIN_POSITIVE, f64::INFINITY];
+        for x in values.into_iter().chain((1..2000).map(|i| f64::from(i).sqrt() / 77.0)) {
+            for x in [x, -x] {
+                let [low, high] = [below(DVec3::splat(x)).x, above(DVec3::splat(x)).x].map(f64::from);
+                assert!(low.is_finite() && high.is_finite() && low < high, "{x}: {low} {high}");
+                assert!(x.is_infinite() || (low <= x && x <= high && high - low <= 1e-6 * x.abs() + 1e-37), "{x}: {low} {high}");
+            }
+        }
+    }
 
     #[test]
     fn what_is_done_again_after_an_undo_is_not_listed_again() {

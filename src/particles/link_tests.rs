@@ -5,7 +5,7 @@ use super::lists::Lists;
 use super::particle_map::ParticleMap;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LipView, Sight, StripGeometry};
-use super::strips::Strips;
+use super::strips::{LipSide, Strips};
 use crate::geometry::room::{fit, headroom};
 use crate::geometry::{ParticleId, VertexId};
 use glam::{DVec3, Vec3A, Vec4};
@@ -15,7 +15,7 @@ const FEW: usize = 24;
 /// Strips that a link is looked at together for.
 const BATCH: usize = 4;
 /// Strips near particles, over all of them, that are made room for at first.
-const ROOM: usize = 1 << 14;
+const ROOM: usize = 1 << 16;
 
 /// The strips near each particle, by particle. Anchors and strips do not move in rest space, so an update only has to look at the
 /// strips that are new; an undo, which takes strips away, forgets everything.
@@ -24,47 +24,81 @@ pub(super) struct LinkTests {
     particles: Vec<NearStrips>,
     lists: StripLists,
     found: Vec<u32>,
-    lip: Lip,
-    views: [LipViews; 2],
+    /// Ends of links that were tested, each in the place that its number says, and one for two that share a place.
+    ends: Vec<TestedEnd>,
+    spare_end: TestedEnd,
 }
 
-/// The vertex whose link was tested last, which is mostly the next one's too.
+/// Ends of links that are remembered: a power of two, more than an edit's wound mostly has.
+const ENDS: usize = 256;
+
+/// What was worked out of a vertex for the tests of its links: the next one asks again.
 #[derive(Clone, Debug, Default)]
-struct Lip {
+struct TestedEnd {
     of: VertexKey,
-    /// Strips that it may know its side of, with its outcodes; 0 where a known side stands against geometry.
-    around: Vec<(u32, u16)>,
+    around: StripsAround,
+    views: LipViews,
 }
 
-/// What everything that is worked out of one vertex hangs on: the vertex, and the numbers of all strips and of its lip sides.
+/// Strips that a vertex may know its side of, with its outcodes; 0 where a known side stands against geometry.
+#[derive(Clone, Debug, Default)]
+struct StripsAround {
+    strips: Vec<(u32, u16)>,
+    is_known: bool,
+}
+
+/// What everything that is worked out of one vertex hangs on: the vertex, the number of all strips, and its lip sides.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct VertexKey {
     vertex: VertexId,
     strips: usize,
-    sides: usize,
+    /// A hash of them.
+    sides: u64,
 }
 
 impl VertexKey {
     /// Makes it that of `v` now; true if it was.
     fn renew(&mut self, strips: &Strips, v: VertexId) -> bool {
-        let now = Self { vertex: v, strips: strips.len(), sides: strips.lip_sides(v).len() };
+        let with = |hash: u64, lip: &LipSide| (hash ^ bytemuck::cast::<_, u64>(*lip)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let now = Self { vertex: v, strips: strips.len(), sides: strips.lip_sides(v).iter().fold(1, with) };
         std::mem::replace(self, now) == now
     }
 }
 
-impl Lip {
-    fn look(&mut self, strips: &Strips, rest: &[DVec3], v: VertexId) {
-        if self.of.renew(strips, v) {
-            return;
+impl TestedEnd {
+    /// For as many strips as lips mostly know.
+    fn with_room() -> Self {
+        let around = StripsAround { strips: Vec::with_capacity(8), is_known: false };
+        Self { of: VertexKey::default(), around, views: LipViews { views: Vec::with_capacity(4) } }
+    }
+
+    fn look(&mut self, strips: &Strips, v: VertexId) {
+        if !self.of.renew(strips, v) {
+            self.forget();
         }
-        self.around.clear();
-        for lip in strips.lip_sides(v) {
-            for k in lip.strip.saturating_sub(1)..(strips.len() as u32).min(lip.strip + 2) {
-                if self.around.iter().all(|a| a.0 != k) {
-                    self.around.push((k, strips.code_of(k as usize, rest, v)));
+    }
+
+    /// Keeps the buffers alone.
+    fn forget(&mut self) {
+        self.around.is_known = false;
+        self.views.views.clear();
+    }
+}
+
+impl StripsAround {
+    fn of(&mut self, strips: &Strips, rest: &[DVec3], v: VertexId) -> &[(u32, u16)] {
+        if !self.is_known {
+            self.is_known = true;
+            self.strips.clear();
+            for lip in strips.lip_sides(v) {
+                for k in lip.strip.saturating_sub(1)..(strips.len() as u32).min(lip.strip + 2) {
+                    if self.strips.iter().all(|a| a.0 != k) {
+                        self.strips.push((k, strips.code_of(k as usize, rest, v)));
+                    }
                 }
             }
         }
+        &self.strips
     }
 }
 
@@ -131,23 +165,16 @@ impl Sights {
     }
 }
 
-/// How a vertex that was looked at last lies to the strips that it knows its side of: its next link asks again.
+/// How a vertex lies to the strips that it knows its side of.
 #[derive(Clone, Debug, Default)]
 struct LipViews {
-    of: VertexKey,
     views: Vec<(usize, LipView)>,
 }
 
 impl LipViews {
-    fn look(&mut self, strips: &Strips, v: VertexId) {
-        if !self.of.renew(strips, v) {
-            self.views.clear();
-        }
-    }
-
-    fn view(&mut self, strip: &StripGeometry, rest: &[DVec3], k: usize, known: KnownSide) -> &LipView {
+    fn view(&mut self, strip: &StripGeometry, at: DVec3, k: usize, known: KnownSide) -> &LipView {
         let at = self.views.iter().position(|view| view.0 == k).unwrap_or_else(|| {
-            self.views.push((k, strip.view_of_lip(rest[self.of.vertex.index()], known)));
+            self.views.push((k, strip.view_of_lip(at, known)));
             self.views.len() - 1
         });
         &self.views[at].1
@@ -163,7 +190,7 @@ struct LinkUnderTest<'a> {
     /// Whether the anchor knows its side of any strip.
     is_lip: bool,
     /// Of the anchor and of `v`.
-    views: &'a mut [LipViews; 2],
+    views: [&'a mut LipViews; 2],
 }
 
 impl LinkUnderTest<'_> {
@@ -174,9 +201,9 @@ impl LinkUnderTest<'_> {
     /// [`Strips::crosses`].
     fn crosses(&mut self, k: u32) -> bool {
         let k = k as usize;
-        let (strip, rest, views) = (self.strips.geometry(k), self.rest, &mut *self.views);
+        let (strip, rest, views) = (self.strips.geometry(k), self.rest, &mut self.views);
         let ends = [self.anchor, self.v].map(|end| self.strips.link_end(k, rest, end));
-        strip.crosses_viewed(ends, |end, known| views[end].view(strip, rest, k, known))
+        strip.crosses_viewed(ends, |end, known| views[end].view(strip, ends[end].at, k, known))
     }
 
     /// The same with the outcodes of both ends. Where geometry says of both what is known of them, it settles most.
@@ -271,8 +298,7 @@ impl LinkTests {
         self.lists.strips.clear();
         self.lists.sights.clear();
         self.lists.unlisted.clear();
-        self.lip = Lip::default();
-        self.views = Default::default();
+        self.ends.iter_mut().chain([&mut self.spare_end]).for_each(TestedEnd::forget);
     }
 
     /// True if no strip lies between the anchor of `j` and the vertex `v`, which is within the particle's radius.
@@ -285,21 +311,33 @@ impl LinkTests {
         (j, v): (ParticleId, VertexId),
     ) -> bool {
         let radius = settings.radius_of(map, j);
-        self.lip.look(strips, rest, v);
-        let around = std::mem::take(&mut self.lip.around);
         self.bring_up(strips, rest, map, radius, j);
         let anchor = map.anchors[j.index()];
-        let ends = [anchor, v];
-        self.views.iter_mut().zip(ends).for_each(|(views, end)| views.look(strips, end));
-        let near = &mut self.particles[j.index()];
-        let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip: near.lips > 0, views: &mut self.views };
-        let connects = near.connects(&mut link, self.lists.of(j), radius, &around);
-        self.lip.around = around;
-        connects
+        self.make_ends();
+        let Self { particles, lists, ends, spare_end, .. } = self;
+        let [a, b] = [anchor, v].map(|end| end.index() % ENDS);
+        let [from, to] = match ends.get_disjoint_mut([a, b]) {
+            Ok(ends) => ends,
+            Err(_) => [spare_end, &mut ends[b]],
+        };
+        from.look(strips, anchor);
+        to.look(strips, v);
+        let TestedEnd { around, views, .. } = to;
+        let near = &mut particles[j.index()];
+        let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip: near.lips > 0, views: [&mut from.views, views] };
+        near.connects(&mut link, lists.of(j), radius, around.of(strips, rest, v))
+    }
+
+    #[inline]
+    fn make_ends(&mut self) {
+        if self.ends.is_empty() {
+            self.ends.resize_with(ENDS, TestedEnd::with_room);
+        }
     }
 
     /// Makes room for the strips of all particles that there are.
     pub(super) fn make_room(&mut self, particles: usize) {
+        self.make_ends();
         self.particles.reserve(particles + headroom(particles));
         self.lists.strips.reserve(ROOM);
         self.lists.sights.reserve(ROOM / BATCH);

@@ -1,7 +1,7 @@
 //! The Particle Update Algorithm: mending the particle map after a wound, near the wound only (MATHS 3.2, 3.3).
 //!
 //! Links that were there are kept unless they cross a new strip; links that are new are tested against every strip.
-//! Stages: lips, zone, links cut, new vertices, clipped anchors, regained links, neighbours, wound particles, orphans,
+//! Stages: lips, zone, links cut, new vertices, clipped anchors, what those hold, regained links, wound particles, neighbours, orphans,
 //! write. Rows are worked on in scratch and written once, and only where they differ.
 
 use super::build::{link_weight, normalise};
@@ -178,9 +178,10 @@ pub fn update_after_edit(
         update.cut_links();
         update.give_new_vertices_rows();
         update.move_clipped_anchors();
+        let moved = update.hold_again();
         update.regain();
         wound::add_particles(&mut update);
-        update.link_particles();
+        update.link_particles(moved);
         update.adopt_orphans();
         update.write_rows();
     }
@@ -338,7 +339,7 @@ impl Update<'_, '_> {
             holds.dedup();
             for &v in &holds {
                 let distance = self.rest[v.index()].distance(self.rest[old.index()]);
-                if (distance, v) < best && self.strips.connects_vertices(self.rest, old, v) && !self.is_anchor(v) {
+                if (distance, v) < best && !self.is_anchor(v) && self.strips.connects_vertices(self.rest, old, v) {
                     best = (distance, v);
                 }
             }
@@ -453,18 +454,35 @@ impl Update<'_, '_> {
         j
     }
 
-    /// Finds the influences and neighbours of new and re-anchored particles.
-    fn link_particles(&mut self) {
+    /// Finds the influences of re-anchored particles and returns how many those are. Most of what they held they hold again, and
+    /// what holds a vertex still leaves nothing to regain.
+    fn hold_again(&mut self) -> usize {
+        let moved = self.scratch.unlinked.len();
+        for i in 0..moved {
+            self.find_influences(self.scratch.unlinked[i]);
+        }
+        moved
+    }
+
+    /// Finds the neighbours of new and re-anchored particles, and the influences of all but the first `moved`.
+    fn link_particles(&mut self, moved: usize) {
         while let Some(j) = self.scratch.unlinked.pop() {
-            let anchor = self.map.anchors[j.index()];
-            self.scratch.flood.ball(self.mesh, self.rest, anchor, self.settings.radius_of(self.map, j));
-            for i in 0..self.scratch.flood.reached.len() {
-                let v = self.scratch.flood.reached[i];
-                if self.may_link(v, j) {
-                    self.scratch.rows.open(v, self.map).add(j);
-                }
+            if self.scratch.unlinked.len() >= moved {
+                self.find_influences(j);
             }
-            self.find_neighbours(j, anchor);
+            self.find_neighbours(j, self.map.anchors[j.index()]);
+        }
+    }
+
+    /// A particle holds all vertices around its anchor that it may.
+    fn find_influences(&mut self, j: ParticleId) {
+        let anchor = self.map.anchors[j.index()];
+        self.scratch.flood.ball(self.mesh, self.rest, anchor, self.settings.radius_of(self.map, j));
+        for i in 0..self.scratch.flood.reached.len() {
+            let v = self.scratch.flood.reached[i];
+            if self.may_link(v, j) {
+                self.scratch.rows.open(v, self.map).add(j);
+            }
         }
     }
 

@@ -55,6 +55,14 @@ pub struct ParticleMapDelta {
 }
 
 impl ParticleMapDelta {
+    /// [`Delta::make_room`] for every list.
+    pub fn make_room(&mut self, edits: usize) {
+        self.anchors.make_room(edits);
+        self.rest_displacement.make_room(edits);
+        self.influences.make_room(edits);
+        self.neighbours.make_room(edits);
+    }
+
     /// Adds what the next edit changed.
     pub fn append(&mut self, later: &Self) {
         self.anchors.append(&later.anchors);

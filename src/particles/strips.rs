@@ -112,6 +112,13 @@ pub struct StripsDelta {
 }
 
 impl StripsDelta {
+    /// [`Delta::make_room`] for every list.
+    pub fn make_room(&mut self, edits: usize) {
+        self.strips.make_room(edits);
+        self.lips.make_room(edits);
+        self.wounds.make_room(edits);
+    }
+
     /// True if nothing changed.
     pub fn is_empty(&self) -> bool {
         self.strips.is_empty() && self.lips.is_empty() && self.wounds.is_empty()

@@ -73,9 +73,10 @@ impl WorkRows {
         if !self.is_open(v) {
             self.push(v);
             let row = self.rows.last_mut().expect("just pushed");
-            for influence in map.influences.row(v.index()) {
-                row.add(influence.particle);
-            }
+            // the map lists each once, and no more than there is room for
+            let known = map.influences.row(v.index());
+            row.particles.iter_mut().zip(known).for_each(|(j, known)| *j = known.particle);
+            row.len = known.len().min(ROOM) as u8;
         }
         &mut self.rows[self.slots[v.index()].1 as usize]
     }

@@ -53,7 +53,8 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
             k += 1;
         }
         let open = (offset - wound.front).max(0.0);
-        displace_slit(update.map, update.strips, &wound, start, open, &mut update.report.particles_changed);
+        let changed = &mut update.report.particles_changed;
+        displace_slit(update.map, update.strips, &wound, start, open, |j| changed.push(j));
     }
 }
 
@@ -90,14 +91,14 @@ fn add_at(update: &mut Update<'_, '_>, k: usize, place: f64, side: i8, room: usi
 }
 
 /// Sets the rest displacements of the slit that starts at strip `start`: half the gap at the middle of its first `open`
-/// metres, an ellipse along them, and closed behind (MATHS 3.3). Appends the particles whose displacement changed.
+/// metres, an ellipse along them, and closed behind (MATHS 3.3). Tells the particles whose displacement changed.
 pub(super) fn displace_slit(
     map: &mut ParticleMap,
     strips: &Strips,
     wound: &WoundSettings,
     start: usize,
     open: f64,
-    changed: &mut Vec<ParticleId>,
+    mut changed: impl FnMut(ParticleId),
 ) {
     let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * open);
     for mark in slit_marks(strips, start) {
@@ -111,20 +112,16 @@ pub(super) fn displace_slit(
         let u0 = (strips.geometry(k).normal() * (f64::from(mark.side) * (half_gap * share).max(least))).to_array();
         if map.rest_displacement[j] != u0 && u0 != [0.0; 3] {
             map.rest_displacement.set(j, u0);
-            changed.push(mark.particle);
+            changed(mark.particle);
         }
     }
 }
 
-/// The blade has left the slit that the newest strip belongs to: it opens over its whole length, its front too. Returns the
-/// particles whose rest displacement changed.
-pub fn release_slit(map: &mut ParticleMap, strips: &Strips, wound: &WoundSettings) -> Vec<ParticleId> {
-    let mut changed = Vec::new();
+/// The blade has left the slit that the newest strip belongs to: it opens over its whole length, its front too.
+pub fn release_slit(map: &mut ParticleMap, strips: &Strips, wound: &WoundSettings) {
     if let Some(last) = strips.len().checked_sub(1) {
         let start = strips.slit_start(last);
         let (before, length) = strips.stretch(last);
-        let total = before + length;
-        displace_slit(map, strips, wound, start, total, &mut changed);
+        displace_slit(map, strips, wound, start, before + length, |_| ());
     }
-    changed
 }

@@ -55,6 +55,13 @@ pub struct VertexRowsDelta {
 }
 
 impl VertexRowsDelta {
+    /// [`Delta::make_room`] for every list.
+    pub fn make_room(&mut self, edits: usize) {
+        self.rest_position.make_room(edits);
+        self.rows.make_room(edits);
+        self.bones.make_room(edits);
+    }
+
     /// Adds what the next edit changed.
     pub fn append(&mut self, later: &Self) {
         self.rest_position.append(&later.rest_position);
