@@ -35,6 +35,8 @@ pub struct ChainBuilder {
     /// Those of the sample before, while it is looked at which of them go on.
     before: Vec<Lane>,
     outside: Option<BladePose>,
+    /// The newest sample is the first outside, and the chains are yet to end there.
+    is_leaving: bool,
 }
 
 impl ChainBuilder {
@@ -45,7 +47,7 @@ impl ChainBuilder {
         let nominal = if slit { sampling.distance * 1e-3 } else { width };
         // A hair thinner than the grid resolves is cut as the thinnest box that the grid holds well.
         let maker = Maker::new(nominal.max(grid.step * 1024.0), slit, grid);
-        Self { maker, last: None, lanes: Vec::new(), before: Vec::new(), outside: None }
+        Self { maker, last: None, lanes: Vec::new(), before: Vec::new(), outside: None, is_leaving: false }
     }
 
     /// A builder for another stroke in the buffers of one that is over.
@@ -88,8 +90,9 @@ impl ChainBuilder {
     }
 
     /// Takes the next sample and appends the segments that it completes: usually one, none at a chain's start, several
-    /// at a pivot.
+    /// at a pivot. Where the blade leaves, the last segment comes with the next sample or with [`ChainBuilder::close_left`].
     pub fn push(&mut self, sample: &ClippedSample, out: &mut Vec<TearSegment>) {
+        self.close_left(out);
         self.settle();
         let blade = self.blade(sample);
         match (sample.kind, blade) {
@@ -107,14 +110,26 @@ impl ChainBuilder {
                     && let Some(blade) = self.extended(&sample.pose, &last)
                 {
                     self.accept(blade, out);
+                    self.is_leaving = true;
+                } else {
+                    self.release(out);
                 }
-                self.release(out);
             }
             (SampleKind::Axial, Some(blade)) => self.deepen(blade),
             (SampleKind::End, Some(blade)) => self.end_at(blade, out),
             (SampleKind::Axial | SampleKind::End, None) => self.release(out),
         }
         self.outside = blade.is_none().then_some(sample.pose);
+    }
+
+    /// Ends the chains of a blade that has left, where it left, and appends their last segments. A caller that edits live does so when
+    /// the next pose comes: two segments in one frame are a hitch.
+    pub fn close_left(&mut self, out: &mut Vec<TearSegment>) {
+        if self.is_leaving {
+            let outside = self.outside;
+            self.release(out);
+            self.outside = outside;
+        }
     }
 
     /// Ends the stroke where the blade is (perpendicular end) and appends what was pending. The builder can go on with
@@ -124,7 +139,7 @@ impl ChainBuilder {
         if let Some(last) = self.last.take() {
             self.lanes.drain(..).for_each(|lane| lane.close(&last, &mut self.maker, out));
         }
-        self.outside = None;
+        (self.outside, self.is_leaving) = (None, false);
     }
 
     fn settle(&mut self) {

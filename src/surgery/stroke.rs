@@ -54,6 +54,11 @@ impl Stroke {
         self.feed(surface, out);
     }
 
+    /// Appends what is due since the blade has left the surface: to be called before the next pose, if ever.
+    pub fn close_left(&mut self, out: &mut Vec<TearSegment>) {
+        self.builder.close_left(out);
+    }
+
     /// Ends the stroke at the last pose and appends the rest.
     pub fn release(&mut self, surface: &(impl Surface + ?Sized), out: &mut Vec<TearSegment>) {
         self.samples.clear();

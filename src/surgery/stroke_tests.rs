@@ -169,6 +169,35 @@ fn leaving_and_coming_back_makes_two_chains_that_cover_the_rims() {
     }
 }
 
+#[test]
+fn a_blade_that_leaves_gives_one_segment_a_pose() {
+    // ninety poses a second, by a third of the sample distance: in, through, out, back in beside it, and let go inside
+    let there = (0..60).map(|i| (f64::from(i), -0.0333 + 0.0033 * f64::from(i), 0.0));
+    let back = (60..100).map(|i| (f64::from(i), 0.1614 - 0.0033 * f64::from(i - 60), 0.05));
+    let poses: Vec<_> = there.chain(back).map(|(i, x, z)| upright(i / 90.0, x, -0.1, z)).collect();
+    let (mut stroke, mut live, mut at_once) = (Stroke::new(0.004, sampling()), Vec::new(), Vec::new());
+    for pose in &poses {
+        let before = live.len();
+        stroke.close_left(&mut live);
+        let closed = live.len() - before;
+        stroke.push(*pose, &slab, &mut live);
+        at_once.push([closed, live.len() - before]);
+    }
+    stroke.release(&slab, &mut live);
+    assert_eq!(live, tear_segments(&poses, 0.004, sampling(), &slab), "when they are asked for makes no difference");
+    assert_eq!(at_once.iter().filter(|n| n[0] == 1).count(), 1, "the blade leaves once");
+    assert_eq!(at_once.iter().map(|n| n[1]).max(), Some(1));
+    // without the delay the last two come together
+    let (mut eager, mut out) = (Stroke::new(0.004, sampling()), Vec::new());
+    let most = poses.iter().map(|pose| {
+        let before = out.len();
+        eager.push(*pose, &slab, &mut out);
+        eager.close_left(&mut out);
+        out.len() - before
+    });
+    assert_eq!(most.max(), Some(2));
+}
+
 /// A blade of 0.2 that turns in the plane z = 0, by `angle` from upright, about the point a share `pivot` up from its tip; that
 /// point is at `(x, -0.1)`, deep enough for all of the blade.
 fn turned(t: f64, angle: f64, pivot: f64, x: f64) -> BladePose {

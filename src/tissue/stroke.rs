@@ -209,6 +209,8 @@ impl TearStroke {
         tissue.refresh_sections();
         self.positions.refresh(tissue);
         self.follow_tissue(tissue);
+        self.stroke.close_left(&mut self.segments);
+        self.tear_segments(tissue);
         self.stroke.push(pose, &entries(tissue, &self.positions), &mut self.segments);
         self.tear_segments(tissue);
         self.tie_quads(tissue);
