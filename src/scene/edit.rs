@@ -6,8 +6,8 @@ use super::report::{EditReport, Outcome, PieceReport};
 use super::{Scene, TissueId};
 use crate::geometry::{Distinct, FaceId, Part, PartsBefore, Plane};
 use crate::physics::{RigidPose, RigidShape};
-use crate::surgery::BladePose;
 use crate::surgery::cap::CapOutcome;
+use crate::surgery::{BladePose, Sampling};
 use crate::tissue::measure::Sums;
 use crate::tissue::stroke::TearStroke;
 use crate::tissue::{Tissue, TissueDelta};
@@ -99,6 +99,9 @@ pub(super) struct Before {
     parts: PartsBefore,
 }
 
+/// Tissues that a stroke may go through before it has to find room for one more.
+const SPARE_STROKES: usize = 4;
+
 /// A stroke in progress through one tissue, with what it has changed so far.
 pub(super) struct StrokeOf {
     id: TissueId,
@@ -117,6 +120,18 @@ impl StrokeOf {
     fn new(id: TissueId, before: Before, stroke: TearStroke) -> Self {
         let [undo, rest] = Default::default();
         Self { id, stroke, before, undo, rest, bytes: 0, distinct: Distinct::default() }
+    }
+
+    /// Some that are over before they begin, for their buffers: the first strokes find room as the later ones do. The last, which is
+    /// taken first, has room for all of `tissue`.
+    pub(super) fn spares(id: TissueId, tissue: &mut Tissue, sampling: Sampling) -> Vec<Self> {
+        let spare = |prepare: bool| {
+            let before = Before::of(tissue, false);
+            let [undo, rest] = [4, 1].map(TissueDelta::with_room);
+            let stroke = TearStroke::with_room(tissue, sampling);
+            Self { undo, rest, ..Self::new(id, before, if prepare { stroke.prepare_for(tissue) } else { stroke }) }
+        };
+        (1..=SPARE_STROKES).map(|n| n == SPARE_STROKES).map(spare).collect()
     }
 
     /// Notes what has changed since the last call, and tells those who keep a mirror.

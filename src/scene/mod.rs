@@ -61,19 +61,24 @@ pub struct Scene {
     rigid: rigid::Rigid,
 }
 
+/// Boxes of a stroke that there is room for at first.
+const BOXES_ROOM: usize = 256;
+
 impl Scene {
     /// A scene with one tissue.
-    pub fn new(tissue: Tissue, settings: SceneSettings) -> Self {
+    pub fn new(mut tissue: Tissue, settings: SceneSettings) -> Self {
         let rigid = rigid::Rigid::new(&tissue);
+        let sampling = settings.sampling(&tissue);
+        let first = TissueId(0);
         Self {
-            tissues: BTreeMap::from([(TissueId(0), tissue)]),
+            spare_strokes: edit::StrokeOf::spares(first, &mut tissue, sampling),
+            tissues: BTreeMap::from([(first, tissue)]),
             next_id: 1,
             history: History::default(),
             strokes: Vec::new(),
             wall: WallMode::Open,
-            spare_strokes: Vec::new(),
             changes: Changes::default(),
-            last_boxes: Vec::new(),
+            last_boxes: Vec::with_capacity(BOXES_ROOM),
             last_slits: Vec::new(),
             grabs: Vec::new(),
             held: Vec::new(),

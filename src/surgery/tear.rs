@@ -134,6 +134,9 @@ pub struct TearScratch {
 
 const NO_SLOT: u32 = u32::MAX;
 
+#[path = "tear_room.rs"]
+mod tear_room;
+
 /// Takes the inside of `body` out of `mesh`. `candidates` must hold every face whose bounds meet the body's; `position` gives
 /// final positions of live vertices; `tags` (sorted by vertex) lists vertices that lie on planes of this body by
 /// construction. Fills `out`; returns false, with the mesh untouched, if no face reaches inside.

@@ -24,6 +24,12 @@ pub(super) struct BoxPlanes {
 type EdgeBits = u16;
 
 impl BoxPlanes {
+    /// Makes room for the planes of any box.
+    pub(super) fn make_room(&mut self) {
+        self.planes.reserve(16);
+        self.sides.reserve(16);
+    }
+
     /// Of another box.
     pub(super) fn set(&mut self, tear_box: &TearBox, flat: f64) {
         let all = self;

@@ -6,6 +6,16 @@ use glam::DVec3;
 use std::sync::Arc;
 
 impl TissueDelta {
+    /// Empty, with room for what so many usual edits change.
+    pub fn with_room(edits: usize) -> Self {
+        let mut delta = Self::default();
+        delta.mesh.make_room(edits);
+        delta.rows.make_room(edits);
+        delta.map.make_room(edits);
+        delta.strips.make_room(edits);
+        delta
+    }
+
     /// Bytes that a GPU mirror needs to follow: the records of what differs, each once.
     pub fn upload_bytes(&self, distinct: &mut Distinct) -> usize {
         let Self { mesh, rows, map, .. } = self;

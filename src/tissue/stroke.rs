@@ -4,6 +4,8 @@
 mod box_planes;
 #[path = "slit_stroke.rs"]
 mod slit_stroke;
+#[path = "stroke_room.rs"]
+mod stroke_room;
 
 use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
