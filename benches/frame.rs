@@ -220,6 +220,8 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
         let middle = median(times);
         format!("{middle:.4} (99 %: {:.4})", times[times.len() * 99 / 100])
     };
+    let mut all: Vec<f64> = [&began, &moved, &cut, &ended].into_iter().flatten().copied().collect();
+    println!("torn: all frames of the strokes {} ms", row(&mut all));
     println!(
         "torn: a stroke begins {} ms, the blade moves {}, cuts {}, ends {}; {segments} cuts, most allocations {allocations:?}",
         row(&mut began),
