@@ -93,6 +93,7 @@ pub enum EditCommand {
 }
 
 /// A tissue before a stroke: for its report, and to tell new components from old ones.
+#[derive(Default)]
 pub(super) struct Before {
     pub(super) area: f64,
     pub(super) volume: f64,
@@ -124,14 +125,14 @@ impl StrokeOf {
 
     /// Some that are over before they begin, for their buffers: the first strokes find room as the later ones do. The last, which is
     /// taken first, has room for all of `tissue`.
-    pub(super) fn spares(id: TissueId, tissue: &mut Tissue, sampling: Sampling) -> Vec<Self> {
-        let spare = |prepare: bool| {
-            let before = Before::of(tissue, false);
+    pub(super) fn spares(id: TissueId, tissue: &Tissue, sampling: Sampling) -> Vec<Self> {
+        let spare = |stroke| {
             let [undo, rest] = [4, 1].map(TissueDelta::with_room);
-            let stroke = TearStroke::with_room(tissue, sampling);
-            Self { undo, rest, ..Self::new(id, before, if prepare { stroke.prepare_for(tissue) } else { stroke }) }
+            Self { undo, rest, ..Self::new(id, Before::default(), stroke) }
         };
-        (1..=SPARE_STROKES).map(|n| n == SPARE_STROKES).map(spare).collect()
+        let stroke = || TearStroke::with_room(tissue, sampling);
+        let first = stroke().prepare_for(tissue);
+        (1..SPARE_STROKES).map(|_| stroke()).chain([first]).map(spare).collect()
     }
 
     /// Notes what has changed since the last call, and tells those who keep a mirror.

@@ -66,12 +66,12 @@ const BOXES_ROOM: usize = 256;
 
 impl Scene {
     /// A scene with one tissue.
-    pub fn new(mut tissue: Tissue, settings: SceneSettings) -> Self {
+    pub fn new(tissue: Tissue, settings: SceneSettings) -> Self {
         let rigid = rigid::Rigid::new(&tissue);
         let sampling = settings.sampling(&tissue);
         let first = TissueId(0);
         Self {
-            spare_strokes: edit::StrokeOf::spares(first, &mut tissue, sampling),
+            spare_strokes: edit::StrokeOf::spares(first, &tissue, sampling),
             tissues: BTreeMap::from([(first, tissue)]),
             next_id: 1,
             history: History::default(),
