@@ -99,7 +99,7 @@ impl<T: Copy> Tracked<T> {
         self.log.reserve(NOTES_ROOM);
     }
 
-    /// Makes room for so many entries more.
+    /// Makes room for so many entries more, and for the notes of an edit.
     pub fn reserve(&mut self, entries: usize) {
         self.data.reserve(entries);
         self.make_room_for_notes();

@@ -5,7 +5,6 @@
 
 use super::map_update::{Update, UpdateScratch};
 use super::strip_test::{Sight, StripGeometry};
-use super::strips::LipSide;
 use crate::geometry::room::fit;
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
@@ -75,9 +74,8 @@ impl Update<'_, '_> {
         let Some(before) = k.checked_sub(1) else { return };
         for lip in self.edit.lips.iter().filter(|l| l.strip == k) {
             let v = lip.vertex;
-            let is_told = |l: &LipSide| l.strip as usize == k || (l.strip + 2) as usize <= before || l.strip as usize > k;
-            let is_new = self.strips.lip_sides(v).iter().all(is_told) && self.strips.knows_side(before, v);
-            if !is_new || v.index() >= self.map.influences.rows() || !self.mesh.vertex_is_live(v) {
+            if !self.strips.knows_side_by(before, k, v) || v.index() >= self.map.influences.rows() || !self.mesh.vertex_is_live(v)
+            {
                 continue;
             }
             let crosses = |w: VertexId| self.strips.crosses(before, self.rest, w, v);

@@ -52,8 +52,10 @@ impl Holders {
         holders.bounds.reserve(rows_headroom(holders.bounds.room()));
         holders.outer.reserve(rows_headroom(holders.outer.room()));
         for (_, v) in order {
+            let at = rest[v as usize];
+            let bounds = [below(at), above(at)];
             for influence in map.influences.row(v as usize) {
-                holders.push(influence.particle, VertexId(v), rest[v as usize]);
+                holders.push(influence.particle, VertexId(v), bounds);
             }
         }
         holders
@@ -80,18 +82,13 @@ impl Holders {
             }
             let is_known = old.first().is_some_and(|o| o.particle == j) || may_be_listed && self.lists(j, v, at);
             if !is_known {
-                self.push_at(j, v, bounds);
+                self.push(j, v, bounds);
             }
         }
     }
 
-    /// Notes that `j` holds `v`, which is at `at`.
-    fn push(&mut self, j: ParticleId, v: VertexId, at: DVec3) {
-        self.push_at(j, v, [below(at), above(at)]);
-    }
-
-    /// The same with the bounds of where `v` is.
-    fn push_at(&mut self, j: ParticleId, v: VertexId, at: [Vec3A; 2]) {
+    /// Notes that `j` holds `v`, with the bounds of where that is.
+    fn push(&mut self, j: ParticleId, v: VertexId, at: [Vec3A; 2]) {
         let (j, held) = (j.index(), self.vertices.get(j.index()).len());
         for (bounds, of) in [(&mut self.bounds, BLOCK), (&mut self.outer, BLOCKS * BLOCK)] {
             if held.is_multiple_of(of) {

@@ -252,20 +252,29 @@ impl Strips {
         self.known_side(k, v).is_some()
     }
 
+    /// True if `v` knows its side of strip `k` from being a lip of strip `by` and from nothing else.
+    pub(super) fn knows_side_by(&self, k: usize, by: usize, v: VertexId) -> bool {
+        self.telling_lip(k, v).is_some_and(|l| l.strip as usize == by)
+    }
+
     /// Side of strip `k` that `v` is known to be on, from the strip itself or from a neighbour in its slit.
     pub(super) fn known_side(&self, k: usize, v: VertexId) -> Option<KnownSide> {
+        let found = self.telling_lip(k, v)?;
+        Some(KnownSide { side: found.side as i8, own: found.strip as usize == k })
+    }
+
+    /// The mark that tells the side of strip `k`: its own, else that of the strip before it in its slit, else of the one after it.
+    fn telling_lip(&self, k: usize, v: VertexId) -> Option<&LipSide> {
         let sides = self.lip_sides(v);
         if sides.is_empty() {
             return None;
         }
-        let own = sides.iter().find(|l| l.strip as usize == k);
-        let found = own.or_else(|| {
+        sides.iter().find(|l| l.strip as usize == k).or_else(|| {
             sides.iter().find(|l| {
                 let m = l.strip as usize;
                 m.abs_diff(k) == 1 && m < self.len() && self.strips[m].slit == self.strips[k].slit
             })
-        })?;
-        Some(KnownSide { side: found.side as i8, own: own.is_some() })
+        })
     }
 
     /// The extended geometry of strip `k`.
