@@ -275,7 +275,7 @@ impl Default for VrSettings {
 
 impl Default for TearSettings {
     fn default() -> Self {
-        Self { width: 0.01, wall: WallMode::Open, gap: 0.03, opening_time: 0.5 }
+        Self { width: 0.003, wall: WallMode::Open, gap: 0.03, opening_time: 0.5 }
     }
 }
 

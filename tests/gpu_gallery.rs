@@ -99,17 +99,14 @@ fn tear(width: f64, path: &[([f64; 3], [f64; 3])]) -> Vec<EditCommand> {
     commands
 }
 
+/// Down the front in a bow, as a hand draws it.
 fn heart_wound() -> Vec<EditCommand> {
-    tear(
-        0.0012,
-        &[
-            ([0.010, 0.034, 0.020], [0.010, 0.044, 0.140]),
-            ([0.0105, 0.020, 0.018], [0.010, 0.026, 0.140]),
-            ([0.009, 0.006, 0.017], [0.008, 0.008, 0.140]),
-            ([0.004, -0.008, 0.017], [0.003, -0.010, 0.140]),
-            ([-0.004, -0.019, 0.018], [-0.005, -0.025, 0.140]),
-        ],
-    )
+    let pose = |k: u32| {
+        let s = f64::from(k) / 24.0;
+        let (x, y) = (0.010 + 0.006 * s - 0.020 * s * s, 0.034 - 0.053 * s);
+        ([x, y, 0.020 - 0.008 * s * (1.0 - s)], [x - 0.0005, 1.25 * y, 0.140])
+    };
+    tear(0.0004, &(0..25).map(pose).collect::<Vec<_>>())
 }
 
 /// A scalpel that lies on the tray: `at` is its tip.
@@ -158,7 +155,7 @@ fn beam() {
             ([0.008 * f64::from(k) - 0.02, 0.015, z], [0.008 * f64::from(k) - 0.02, 0.25, z])
         })
         .collect();
-    let mut commands = tear(0.003, &path);
+    let mut commands = tear(0.0015, &path);
     commands.push(EditCommand::CutClosed(Plane::Equation { normal: DVec3::new(1.0, 0.15, 0.1), offset: 0.12 }));
     play(&mut app, &mut gallery, 60, commands, &[], "beam");
     let end = app.scene.tissues().max_by(|a, b| a.1.bounds().1.x.total_cmp(&b.1.bounds().1.x)).expect("a piece").0;
@@ -181,7 +178,7 @@ fn sphere() {
             (at(0.34), at(0.9))
         })
         .collect();
-    let mut commands = tear(0.008, &path);
+    let mut commands = tear(0.003, &path);
     commands.push(EditCommand::CutClosed(Plane::Equation { normal: DVec3::new(0.25, 1.0, -0.1), offset: 0.25 }));
     play(&mut app, &mut gallery, 30, commands, &[], "sphere");
     let lid = app.scene.tissues().max_by(|a, b| a.1.bounds().1.y.total_cmp(&b.1.bounds().1.y)).expect("a piece").0;

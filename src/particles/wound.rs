@@ -1,7 +1,7 @@
 //! Wound particles: they draw the lips of a slit apart (MATHS 3.3; the paper's 3.3.4).
 //!
 //! They sit on lip vertices at even distances along the slit and rest displaced along the strip's normal, away from the
-//! slit. The displacement follows an ellipse over the slit's length, so the wound is a lens that is closed at both ends;
+//! slit. The displacement follows a parabola over the slit's length, so the wound is a lens with pointed ends;
 //! it is set anew for the whole slit whenever the slit grows. Near an advancing blade it stays closed, so that the blade
 //! goes on through skin that its own wound does not pull aside.
 
@@ -41,9 +41,9 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
         let mut room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
         while k < strips.end && update.strips.as_slice()[k].slit == slit {
             let end = offset + update.strips.stretch(k).1;
-            // Places at odd multiples of half the spacing from the slit's start, whatever the strips' lengths.
-            let first = (offset / wound.spacing - 0.5).ceil().max(0.0);
-            let places = (0..room).map(|i| (first + i as f64 + 0.5) * wound.spacing).take_while(|&s| s < end);
+            // Places at multiples of the spacing from the slit's start, whatever the strips' lengths: the first holds that end shut.
+            let first = (offset / wound.spacing).ceil();
+            let places = (0..room).map(|i| (first + i as f64) * wound.spacing).take_while(|&s| s < end);
             for place in places {
                 for side in [1, -1] {
                     room = room.saturating_sub(add_at(update, k, place - offset, side, room));
@@ -91,7 +91,7 @@ fn add_at(update: &mut Update<'_, '_>, k: usize, place: f64, side: i8, room: usi
 }
 
 /// Sets the rest displacements of the slit that starts at strip `start`: half the gap at the middle of its first `open`
-/// metres, an ellipse along them, and closed behind (MATHS 3.3). Tells the particles whose displacement changed.
+/// metres, a parabola along them, and closed behind (MATHS 3.3). Tells the particles whose displacement changed.
 pub(super) fn displace_slit(
     map: &mut ParticleMap,
     strips: &Strips,
@@ -107,7 +107,7 @@ pub(super) fn displace_slit(
             continue;
         }
         let x = if open > 0.0 { ((strips.stretch(k).0 + mark.along) / open).clamp(0.0, 1.0) } else { 1.0 };
-        let share = (4.0 * x * (1.0 - x)).sqrt();
+        let share = 4.0 * x * (1.0 - x);
         let least = LEAST_SHARE * wound.gap;
         let u0 = (strips.geometry(k).normal() * (f64::from(mark.side) * (half_gap * share).max(least))).to_array();
         if map.rest_displacement[j] != u0 && u0 != [0.0; 3] {
