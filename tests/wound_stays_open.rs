@@ -223,6 +223,35 @@ fn a_hand_at_a_lip_moves_that_lip() {
     assert!(moved(across) < 0.5 * most, "the other lip came along: {} beside {most}", moved(across));
 }
 
+/// A lip that is drawn away takes the other with it where they meet: the wound's ends stay pointed and do not tear off.
+#[test]
+fn a_pulled_wound_keeps_its_ends() {
+    let mut scene = torn();
+    let [held, across] = lips(&scene);
+    let gap = place(&scene, held).distance(place(&scene, across));
+    // the wound particles of each lip, along the wound
+    let row = |positive: bool| {
+        let middle = 0.5 * (place(&scene, held).z + place(&scene, across).z);
+        let mut row: Vec<ParticleId> = wounds(&scene).filter(|p| (place(&scene, *p).z > middle) == positive).collect();
+        row.sort_by(|a, b| place(&scene, *a).x.total_cmp(&place(&scene, *b).x));
+        row
+    };
+    let (near, far) = (row(true), row(false));
+    let middle = [held, across];
+    let ends = [[near[0], far[0]], [*near.last().unwrap(), *far.last().unwrap()]];
+    let apart = |scene: &Scene, [a, b]: [ParticleId; 2]| place(scene, a).distance(place(scene, b));
+    let center = place(&scene, held);
+    let before = [middle, ends[0], ends[1]].map(|pair| apart(&scene, pair));
+    scene.edit(EditCommand::GrabBegin { id: 1, center, radius: 0.3 * gap });
+    scene.edit(EditCommand::GrabMove { id: 1, by: 2.0 * gap * DVec3::Z });
+    (0..300).for_each(|_| scene.step(STEP));
+    let [middle, start, end] = [(middle, before[0]), (ends[0], before[1]), (ends[1], before[2])]
+        .map(|(pair, before)| (apart(&scene, pair) - before) / gap);
+    assert!(middle > 1.8, "pulled by two gaps: {middle}");
+    // 1.95 and 1.93 where the other lip does not follow at all
+    assert!(start < 0.1 && end < 1.0, "the ends tear off: {start} {end}");
+}
+
 /// Particles that come after an undo get the numbers of those that went.
 #[test]
 fn a_hand_lets_go_of_what_an_undo_takes_away() {

@@ -24,6 +24,7 @@ pub mod strips;
 #[cfg(test)]
 mod test_models;
 pub mod validate;
+mod ways_round;
 mod work_rows;
 mod wound;
 
@@ -37,6 +38,7 @@ pub use poisson::{PoissonScratch, sample, sample_count, sample_with};
 pub use quality::{SampleQuality, sample_quality};
 pub use settings::{ParticleSettings, SettingsError, WoundSettings};
 pub use strips::{LipSide, Strip, StripError, Strips, StripsDelta, WoundMark};
+pub use ways_round::WaysRound;
 pub use wound::release_slit;
 
 #[cfg(test)]

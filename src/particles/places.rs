@@ -3,12 +3,12 @@
 use super::holders::{Holders, VertexSet};
 use super::link_tests::LinkTests;
 use super::lists::Lists;
-use super::particle_map::ParticleMap;
+use super::particle_map::{Influence, ParticleMap};
 use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
-use super::strips::LipSide;
+use super::strips::{LipSide, Strips};
 use crate::geometry::{ParticleId, SlotCsr, VertexId};
-use glam::DVec3;
+use glam::{DVec3, Vec3A};
 
 /// What is where, for updates that look around a wound. All of it holds supersets. Undo and redo leave it as it is: whatever comes
 /// back was put in when it was made. Where that may not be so, they forget that they were built.
@@ -86,6 +86,51 @@ impl Places {
         self.strips_before = self.strips;
         self.holders.note_travel();
         self.links.clear();
+    }
+}
+
+impl Strips {
+    /// Checks that what updates look up knows every influence of the map and every anchor, where they are now.
+    pub(super) fn check_places(&self, map: &ParticleMap, rest: &[DVec3]) -> Result<(), String> {
+        if !self.places.is_built {
+            return Ok(());
+        }
+        for v in (0..map.influences.rows().min(rest.len())).map(VertexId::new) {
+            for influence in map.influences.row(v.index()) {
+                if !self.places.holders.lists(influence.particle, v, rest[v.index()]) {
+                    return Err(format!("{:?} holds vertex {v:?}, and updates do not know it", influence.particle));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes that `j` has another anchor and keeps what it holds, which may lie beyond its radius now.
+    pub(super) fn note_moved(&mut self, map: &ParticleMap, rest: &[DVec3], j: ParticleId) {
+        let at = rest[map.anchors[j.index()].index()];
+        let Places { anchors, holders, far, radii, is_built, longest_moved, .. } = &mut self.places;
+        if *is_built {
+            anchors.insert(j.0, at);
+            *longest_moved = longest_moved.max(longest_link(map, rest, j));
+            let radius = radii[usize::from(map.is_wound(j))];
+            let holds = |v: VertexId| map.influences.row(v.index()).iter().any(|i| i.particle == j);
+            let far_off = 0.999 * radius * radius;
+            let has_far = |low: Vec3A, high: Vec3A| (high.as_dvec3() - at).max(at - low.as_dvec3()).length_squared() >= far_off;
+            holders.visit_seen(j, DVec3::NEG_INFINITY, DVec3::INFINITY, has_far, |v| {
+                let is_far = rest.get(v.index()).is_some_and(|p| p.distance_squared(at) >= far_off);
+                if is_far && v.index() < map.influences.rows() && holds(v) {
+                    far.insert(v);
+                }
+            });
+        }
+    }
+
+    /// Notes a row of influences that was written by other means than an update; `far` unless all are within their radius.
+    pub(super) fn note_held(&mut self, v: VertexId, at: DVec3, row: &[Influence], far: bool) {
+        if self.places.is_built {
+            self.places.holders.note_row(v, at, row, &[]);
+            self.places.far.extend(far.then_some(v));
+        }
     }
 }
 

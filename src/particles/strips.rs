@@ -4,14 +4,14 @@
 //! links nothing that is not connected.
 
 use super::holders::VertexSet;
-use super::particle_map::{Influence, ParticleMap};
-use super::places::{Places, longest_link};
+use super::particle_map::ParticleMap;
+use super::places::Places;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
 use crate::geometry::room::headroom;
 use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
-use glam::{DVec3, Vec3, Vec3A};
+use glam::{DVec3, Vec3};
 use parry3d::bounding_volume::Aabb;
 use parry3d::partitioning::Bvh;
 use thiserror::Error;
@@ -204,7 +204,12 @@ impl Strips {
 
     /// Vertices that may know their side of strip `k`: lips of it and of the strips before and after it, and some that are none.
     pub(super) fn lips_near(&self, k: usize) -> impl Iterator<Item = &VertexId> {
-        (k.saturating_sub(1)..k + 2).flat_map(|strip| self.places.lips.get(strip))
+        (k.saturating_sub(1)..k + 2).flat_map(|strip| self.lips_of(strip))
+    }
+
+    /// Vertices that are or once were lips of strip `k`.
+    pub(super) fn lips_of(&self, k: usize) -> &[VertexId] {
+        self.places.lips.get(k)
     }
 
     /// True if the segment between two rest positions crosses no strip.
@@ -215,17 +220,27 @@ impl Strips {
 
     /// [`Strips::connects`] for two vertices: lip vertices are tested by their known side.
     pub fn connects_vertices(&self, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
+        let mut connects = true;
+        self.each_crossed(rest, a, b, |_| {
+            connects = false;
+            true
+        });
+        connects
+    }
+
+    /// Tells the strips that the link between two vertices crosses, some twice, until `is_enough`.
+    pub(super) fn each_crossed(&self, rest: &[DVec3], a: VertexId, b: VertexId, mut is_enough: impl FnMut(usize) -> bool) {
         let (p, q) = (rest[a.index()], rest[b.index()]);
         let query = aabb(p.min(q), p.max(q));
-        if self.bvh.intersect_aabb(&query).any(|k| self.crosses(k as usize, rest, a, b)) {
-            return false;
+        if self.bvh.intersect_aabb(&query).any(|k| self.crosses(k as usize, rest, a, b) && is_enough(k as usize)) {
+            return;
         }
         // A known side may stand against geometry, so those strips are tested wherever the segment lies.
         let known = self.lip_sides(a).iter().chain(self.lip_sides(b));
         let last = self.len();
-        !known
+        known
             .flat_map(|l| (l.strip as usize).saturating_sub(1)..(l.strip as usize + 2).min(last))
-            .any(|k| self.crosses(k, rest, a, b))
+            .any(|k| self.crosses(k, rest, a, b) && is_enough(k));
     }
 
     /// True if the link between two vertices crosses strip `k`.
@@ -416,49 +431,6 @@ impl Strips {
         match self.wounds.iter().find(|m| m.strip as usize >= self.len() || m.side.abs() != 1) {
             Some(mark) => Err(format!("wound particle {:?} is on strip {}", mark.particle, mark.strip)),
             None => Ok(()),
-        }
-    }
-
-    /// Checks that what updates look up knows every influence of the map and every anchor, where they are now.
-    pub(super) fn check_places(&self, map: &ParticleMap, rest: &[DVec3]) -> Result<(), String> {
-        if !self.places.is_built {
-            return Ok(());
-        }
-        for v in (0..map.influences.rows().min(rest.len())).map(VertexId::new) {
-            for influence in map.influences.row(v.index()) {
-                if !self.places.holders.lists(influence.particle, v, rest[v.index()]) {
-                    return Err(format!("{:?} holds vertex {v:?}, and updates do not know it", influence.particle));
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Notes that `j` has another anchor and keeps what it holds, which may lie beyond its radius now.
-    pub(super) fn note_moved(&mut self, map: &ParticleMap, rest: &[DVec3], j: ParticleId) {
-        let at = rest[map.anchors[j.index()].index()];
-        let Places { anchors, holders, far, radii, is_built, longest_moved, .. } = &mut self.places;
-        if *is_built {
-            anchors.insert(j.0, at);
-            *longest_moved = longest_moved.max(longest_link(map, rest, j));
-            let radius = radii[usize::from(map.is_wound(j))];
-            let holds = |v: VertexId| map.influences.row(v.index()).iter().any(|i| i.particle == j);
-            let far_off = 0.999 * radius * radius;
-            let has_far = |low: Vec3A, high: Vec3A| (high.as_dvec3() - at).max(at - low.as_dvec3()).length_squared() >= far_off;
-            holders.visit_seen(j, DVec3::NEG_INFINITY, DVec3::INFINITY, has_far, |v| {
-                let is_far = rest.get(v.index()).is_some_and(|p| p.distance_squared(at) >= far_off);
-                if is_far && v.index() < map.influences.rows() && holds(v) {
-                    far.insert(v);
-                }
-            });
-        }
-    }
-
-    /// Notes a row of influences that was written by other means than an update; `far` unless all are within their radius.
-    pub(super) fn note_held(&mut self, v: VertexId, at: DVec3, row: &[Influence], far: bool) {
-        if self.places.is_built {
-            self.places.holders.note_row(v, at, row, &[]);
-            self.places.far.extend(far.then_some(v));
         }
     }
 

@@ -394,3 +394,37 @@ fn an_empty_edit_changes_nothing() {
     assert_eq!(patient.update(&Wound::default()), MapUpdateReport::default());
     assert_eq!(patient.hash(), before);
 }
+
+/// A pull goes round the ends of a slit, and less of it the longer the way round; a slit that leaves no way round lets nothing by.
+#[test]
+fn a_pull_goes_round_the_ends_of_a_slit() {
+    let settings = ParticleSettings::with_spacing(0.2);
+    let mut patient = Patient::new(test_models::grid(40, 0.0, 1), settings);
+    let at = |patient: &Patient, x: f64, y: f64| {
+        let off = |v: &VertexId| patient.rest[v.index()].distance(DVec3::new(x, y, 0.0));
+        patient.mesh.live_vertices().min_by(|a, b| off(a).total_cmp(&off(b))).unwrap()
+    };
+    let share = |patient: &Patient, a: [f64; 2], b: [f64; 2]| {
+        let mut ways = WaysRound::default();
+        ways.find(&patient.mesh, &patient.strips, &patient.rest, settings.wound.spacing);
+        let share = |a, b| ways.share(&patient.strips, &patient.rest, a, b);
+        let ends = [at(patient, a[0], a[1]), at(patient, b[0], b[1])];
+        assert_eq!(share(ends[0], ends[1]), share(ends[1], ends[0]));
+        share(ends[0], ends[1])
+    };
+    assert_eq!(share(&patient, [0.5, 0.4], [0.5, 0.6]), 1.0, "no strip");
+    let wound = patient.slit(0.5, 0.2, 0.8, 4);
+    patient.update(&wound);
+    // straight 0.2, round 2 sqrt(0.3^2 + 0.1^2)
+    let middle = share(&patient, [0.5, 0.4], [0.5, 0.6]);
+    assert!((middle - 0.1).abs() < 1e-6, "{middle}");
+    let [nearer, near] = [0.6, 0.75].map(|x| share(&patient, [x, 0.4], [x, 0.6]));
+    assert!(middle < nearer && nearer < near && near < 1.0, "{nearer} {near}");
+    assert!(share(&patient, [0.775, 0.475], [0.8, 0.55]) > 0.8, "the lips are one at the end");
+    assert_eq!(share(&patient, [0.1, 0.4], [0.1, 0.6]), 1.0, "beyond the slit");
+    assert_eq!(share(&patient, [0.5, 0.6], [0.7, 0.6]), 1.0, "along a lip");
+    let across = patient.slit(0.25, -1.0, 2.0, 8);
+    patient.update(&across);
+    assert_eq!(share(&patient, [0.5, 0.2], [0.5, 0.3]), 0.0, "from border to border there is no way round");
+    assert_eq!(share(&patient, [0.5, 0.2], [0.5, 0.6]), 0.0, "nor where another slit could be gone round");
+}

@@ -24,17 +24,37 @@ pub fn weights(anchor: DVec3, grabbed: &[DVec3], radius: f64, weights: &mut Vec<
 /// Where a follower's spring pulls it while the grab lasts: the displacement `sum_k W_jk u'_k`, metres. `grabbed` pairs a
 /// grabbed particle's anchor with its displacement.
 pub fn target(anchor: DVec3, grabbed: &[(DVec3, DVec3)], radius: f64) -> DVec3 {
-    target_over(anchor, grabbed.iter().copied(), radius)
+    target_over(anchor, grabbed.iter().map(|&(a, u)| (a, u, 1.0)), radius)
 }
 
-fn target_over(anchor: DVec3, grabbed: impl Iterator<Item = (DVec3, DVec3)>, radius: f64) -> DVec3 {
-    let (mut sum, mut moved) = (0.0, DVec3::ZERO);
-    for (other, displacement) in grabbed {
-        let g = pull(anchor.distance(other), radius);
-        sum += g;
-        moved += g * displacement;
+fn target_over(anchor: DVec3, grabbed: impl Iterator<Item = (DVec3, DVec3, f32)>, radius: f64) -> DVec3 {
+    let (mut pulls, mut moved) = (Pulls::default(), DVec3::ZERO);
+    for (other, displacement, share) in grabbed {
+        moved += pulls.add(anchor.distance(other), radius, share) * displacement;
     }
-    moved / sum.max(1.0)
+    moved / pulls.norm()
+}
+
+/// Pulls on one follower, each by the share of it that wounds leave. They are normalised as though all were whole that the largest
+/// share is of: what wounds take from all of them is gone, and what they take from some goes to the others.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pulls {
+    sum: f64,
+    largest_share: f64,
+}
+
+impl Pulls {
+    fn add(&mut self, distance: f64, radius: f64, share: f32) -> f64 {
+        let share = f64::from(share);
+        let g = pull(distance, radius) * share;
+        self.sum += g;
+        self.largest_share = self.largest_share.max(share);
+        g
+    }
+
+    fn norm(&self) -> f64 {
+        if self.largest_share > 0.0 { (self.sum / self.largest_share).max(1.0) } else { 1.0 }
+    }
 }
 
 /// Groups of grabbed particles that move alike, and are told apart: one a hand.
@@ -79,15 +99,16 @@ pub struct Followers {
     edits: u64,
     /// Counts the sets of what is grabbed, and the edits meanwhile.
     sets: u64,
-    /// By follower: for which set it was asked what is parted from it, and the answers, one for each that is grabbed.
+    /// By follower: for which set it was asked what reaches it, and the answers, one for each that is grabbed.
     asked: Vec<u64>,
-    parted: Vec<bool>,
+    reaching: Vec<f32>,
 }
 
 impl Followers {
     /// Tells anchors and displacements of what is grabbed, metres, in any order but always the same. `radius` as for [`pull`];
-    /// `edits` is any number that changes with every edit: a wound may part followers from what is grabbed.
-    pub fn set_grabbed(&mut self, grabbed: &[(DVec3, DVec3)], radius: f64, edits: u64) {
+    /// `edits` is any number that changes with every edit: a wound may part followers from what is grabbed. True if something else is
+    /// grabbed now, so that [`Followers::target`] asks what reaches whom.
+    pub fn set_grabbed(&mut self, grabbed: &[(DVec3, DVec3)], radius: f64, edits: u64) -> bool {
         let same = self.radius == radius
             && self.edits == edits
             && self.grabbed.len() == grabbed.len()
@@ -98,10 +119,10 @@ impl Followers {
             self.grabbed.clear();
             self.grabbed.extend(grabbed.iter().map(|&(anchor, base)| Grabbed { anchor, base, group: 0 }));
             self.begin(1);
-            return;
+            return true;
         }
         if self.regular && self.follow(grabbed) {
-            return;
+            return false;
         }
         // Others move alike than did so far.
         self.moves.clear();
@@ -115,6 +136,7 @@ impl Followers {
             known.base = now.1;
         }
         self.begin(self.moves.len());
+        false
     }
 
     fn begin(&mut self, groups: usize) {
@@ -138,24 +160,25 @@ impl Followers {
         true
     }
 
-    /// [`target`] of the follower with this number, whose anchor is here, over all that is grabbed but what is `parted` from it: by a
-    /// wound between them. That is asked with the place in the list, once for as long as the same is grabbed.
-    pub fn target(&mut self, follower: usize, anchor: DVec3, parted: impl Fn(usize) -> bool) -> DVec3 {
+    /// [`target`] of the follower with this number, whose anchor is here, over all that is grabbed, as far as that `reaches` it: a share
+    /// from 0 to 1, less than 1 where a wound lies between them. It is asked for with the place in the list, once for as long as the
+    /// same is grabbed.
+    pub fn target(&mut self, follower: usize, anchor: DVec3, reaches: impl Fn(usize) -> f64) -> DVec3 {
         let held = self.grabbed.len();
         if follower >= self.asked.len() {
             self.asked.resize(follower + 1, 0);
         }
-        if self.parted.len() < (follower + 1) * held {
-            self.parted.resize((follower + 1) * held, false);
+        if self.reaching.len() < (follower + 1) * held {
+            self.reaching.resize((follower + 1) * held, 0.0);
         }
-        let (answers, known) = (&mut self.parted[follower * held..][..held], self.followers.get(follower));
+        let (answers, known) = (&mut self.reaching[follower * held..][..held], self.followers.get(follower));
         if self.asked[follower] != self.sets || known.is_some_and(|known| known.anchor != anchor) {
-            answers.iter_mut().enumerate().for_each(|(k, answer)| *answer = parted(k));
+            answers.iter_mut().enumerate().for_each(|(k, answer)| *answer = reaches(k) as f32);
             self.asked[follower] = self.sets;
         }
         if !self.regular {
-            let joined = self.grabbed.iter().zip(&*answers).filter(|(_, parted)| !**parted);
-            return target_over(anchor, joined.map(|(g, _)| (g.anchor, g.base)), self.radius);
+            let joined = self.grabbed.iter().zip(&*answers).map(|(g, share)| (g.anchor, g.base, *share));
+            return target_over(anchor, joined, self.radius);
         }
         if follower >= self.followers.len() {
             let unknown = Follower { anchor, made_for: 0, base: DVec3::ZERO, shares: [0.0; GROUPS] };
@@ -163,14 +186,13 @@ impl Followers {
         }
         let (known, made) = (&mut self.followers[follower], self.made);
         if known.made_for != made || known.anchor != anchor {
-            let (mut sum, mut base, mut shares) = (0.0, DVec3::ZERO, [0.0; GROUPS]);
-            for (grabbed, _) in self.grabbed.iter().zip(&*answers).filter(|(_, parted)| !**parted) {
-                let g = pull(anchor.distance(grabbed.anchor), self.radius);
-                sum += g;
+            let (mut pulls, mut base, mut shares) = (Pulls::default(), DVec3::ZERO, [0.0; GROUPS]);
+            for (grabbed, share) in self.grabbed.iter().zip(&*answers).filter(|(_, share)| **share > 0.0) {
+                let g = pulls.add(anchor.distance(grabbed.anchor), self.radius, *share);
                 base += g * grabbed.base;
                 shares[grabbed.group] += g;
             }
-            let norm = sum.max(1.0);
+            let norm = pulls.norm();
             *known = Follower { anchor, made_for: made, base: base / norm, shares: shares.map(|s| s / norm) };
         }
         self.moves.iter().zip(known.shares).fold(known.base, |sum, (by, share)| sum + share * *by)
@@ -241,7 +263,7 @@ mod tests {
         let mut check = |followers: &mut Followers, anchors: &[DVec3], grabbed: &[(DVec3, DVec3)]| {
             followers.set_grabbed(grabbed, 0.3, 0);
             for (j, a) in anchors.iter().enumerate() {
-                let (wanted, found) = (target(*a, grabbed, 0.3), followers.target(j, *a, |_| false));
+                let (wanted, found) = (target(*a, grabbed, 0.3), followers.target(j, *a, |_| 1.0));
                 most = most.max(wanted.distance(found));
                 assert!(wanted.distance(found) < 1e-12, "{j}: {wanted} {found}");
             }
@@ -273,11 +295,11 @@ mod tests {
         assert_eq!(followers.times_made(), before + 1);
         // Broken twin: shares that are not made anew when what is grabbed changes.
         followers.set_grabbed(&held(12, &|_| step(0)), 0.3, 0);
-        let stale = followers.target(3, anchors[3], |_| false);
+        let stale = followers.target(3, anchors[3], |_| 1.0);
         assert!(stale.distance(target(anchors[3], &held(12, &|_| step(9)), 0.3)) > 1e-3);
         // A wound that comes in between: what is beyond it does not count.
         followers.set_grabbed(&held(12, &|_| step(9)), 0.3, 1);
-        let beyond = |k: usize| k >= 5;
+        let beyond = |k: usize| f64::from(u8::from(k < 5));
         assert!(followers.target(3, anchors[3], beyond).distance(target(anchors[3], &held(5, &|_| step(9)), 0.3)) < 1e-12);
     }
 }

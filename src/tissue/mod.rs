@@ -7,6 +7,7 @@ mod double_edges;
 pub mod edit;
 pub mod forces;
 mod history;
+mod holds;
 pub mod measure;
 pub mod pieces;
 mod positions;
@@ -22,7 +23,8 @@ use crate::geometry::room::headroom;
 use crate::geometry::sections::{cluster_faces, join_strays};
 use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, SectionId, StateHash, Turn, VertexId};
 use crate::particles::{
-    Influence, ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
+    Influence, ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch,
+    WaysRound, sample,
 };
 use crate::physics::direct_displacement::Followers;
 use crate::physics::{Network, NetworkSettings, NetworkTopology, RigidPose, StepScratch};
@@ -181,14 +183,13 @@ struct TissueScratch {
     anchors_held: Vec<VertexId>,
     followed: Vec<(DVec3, DVec3)>,
     followers: Followers,
+    ways_round: WaysRound,
     turns: rotation::TurnScratch,
     chords: chords::ChordScratch,
     /// Versions of the pose and of the structure for which all particles are at rest, and told where that is.
     rests: Option<[u64; 2]>,
 }
 
-/// Of more pairs of held particles and others than this, wounds are looked for between near ones only.
-const MOST_PAIRS: usize = 1 << 16;
 /// A wound this near to its full opening, as a fraction of the diagonal, has opened.
 const OPENED: f64 = 1e-7;
 
@@ -470,70 +471,6 @@ impl Tissue {
             .live_vertices()
             .map(|v| self.position(v))
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(p), h.max(p)))
-    }
-
-    /// Holds exactly these particles at these displacements (tissue space, metres) until the next call; the particles around
-    /// them follow by direct displacement (MATHS 3.4), with weights by distances at rest.
-    pub fn hold_particles(&mut self, held: &[(ParticleId, DVec3)]) {
-        let Some(layer) = &mut self.layer else { return };
-        if held.is_empty() && self.scratch.grabs.is_empty() {
-            return;
-        }
-        self.scratch.anchors_held.clear();
-        self.scratch.grabs.clear();
-        for &(p, u) in held {
-            let anchor = layer.map.anchors.get(p.index()).copied().unwrap_or_default();
-            if anchor.is_some() {
-                self.scratch.anchors_held.push(anchor);
-                self.scratch.grabs.push((p, u));
-            }
-        }
-        self.apply_holds();
-    }
-
-    /// Advances the soft layer by `step_s`: wound rests follow their anchors, springs are propagated (MATHS 4.2).
-    pub fn step(&mut self, step_s: f64) {
-        self.push_particles(step_s);
-        let Some(layer) = &mut self.layer else { return };
-        let TissueScratch { step, rest_displacements, grabs, anchors_held, followed, followers, rests, .. } = &mut self.scratch;
-        let stands = !layer.network.awake() && !layer.is_opening() && grabs.is_empty();
-        let now = Some([self.versions.pose, self.versions.structure]);
-        if stands && *rests == now {
-            return;
-        }
-        *rests = now.filter(|_| stands);
-        layer.open_wounds(step_s, self.diagonal);
-        let SoftLayer { map, opening, strips, settings, network, .. } = layer;
-        let (rest, rows, pose) = (&self.rest, &self.rows, &self.pose);
-        let opened = |p: usize| {
-            let (u0, anchor) = (opening[p], map.anchors[p]);
-            if u0 == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { pose.blended_linear(rows, anchor) * u0 }
-        };
-        if grabs.iter().any(|g| g.0.index() >= map.len()) || anchors_held.iter().any(|a| a.index() >= rest.len()) {
-            (*grabs, *anchors_held) = Default::default(); // by an undo
-        }
-        followed.clear();
-        followed.extend(grabs.iter().zip(&*anchors_held).map(|(&(p, u), a)| (rest[a.index()], u - opened(p.index()))));
-        followers.set_grabbed(followed, settings.spacing, self.versions.structure);
-        let few = followed.len() * map.len() < MOST_PAIRS;
-        rest_displacements.clear();
-        for (p, &anchor) in map.anchors.iter().enumerate() {
-            let mut displacement = opened(p);
-            if !followed.is_empty() && anchor.is_some() {
-                // as influences are: a lip does not follow the hand that pulls at the other
-                let near = |k: usize| few || followed[k].0.distance(rest[anchor.index()]) < settings.reach();
-                let joined = |k: usize| strips.is_empty() || strips.connects_vertices(rest, anchor, anchors_held[k]);
-                let parted = |k: usize| near(k) && !joined(k);
-                displacement += followers.target(p, rest[anchor.index()], parted);
-            }
-            rest_displacements.push(displacement.to_array());
-        }
-        network.set_rest_displacements(rest_displacements);
-        if layer.network.awake() {
-            layer.network.step(step_s, step);
-            self.versions.displacements += 1;
-            self.refresh_turns();
-        }
     }
 
     /// True if neither springs nor fades move the tissue.
