@@ -8,6 +8,7 @@ use super::build::{link_weight, normalise};
 use super::cut_links::Codes;
 use super::flood::Flood;
 use super::link_tests::LinkTests;
+use super::map_report::MapUpdateReport;
 use super::particle_map::{Influence, Link, ParticleMap};
 use super::reaches::Reaches;
 use super::settings::ParticleSettings;
@@ -59,42 +60,6 @@ pub struct MapEdit<'a> {
     pub lips: &'a [LipVertex],
 }
 
-/// What [`update_after_edit`] did.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct MapUpdateReport {
-    /// Vertices whose influences changed, sorted. New vertices are among them.
-    pub vertices_changed: Vec<VertexId>,
-    /// Particles whose anchor, rest displacement or neighbours changed, sorted. New particles are among them.
-    pub particles_changed: Vec<ParticleId>,
-    /// Particles whose neighbours changed, sorted.
-    pub relinked: Vec<ParticleId>,
-    /// Particles added, wound particles and others.
-    pub particles_added: Vec<ParticleId>,
-    /// Particles whose anchor was clipped and that found no other.
-    pub retired: Vec<ParticleId>,
-    /// Particles whose anchor was clipped and replaced.
-    pub reanchored: Vec<ParticleId>,
-    /// Neighbour pairs removed since they crossed a new strip or lost an end.
-    pub links_removed: usize,
-    /// Influences removed since they crossed a new strip.
-    pub influences_removed: usize,
-    /// Vertices that the update looked at.
-    pub vertices_visited: usize,
-}
-
-impl MapUpdateReport {
-    /// Nothing, in the same lists.
-    fn emptied(self) -> Self {
-        let Self { mut vertices_changed, mut particles_changed, mut relinked, mut particles_added, .. } = self;
-        let Self { mut retired, mut reanchored, .. } = self;
-        vertices_changed.clear();
-        let lists = [&mut particles_changed, &mut relinked, &mut particles_added, &mut retired, &mut reanchored];
-        lists.into_iter().for_each(Vec::clear);
-        let counts = Self::default();
-        Self { vertices_changed, particles_changed, relinked, particles_added, retired, reanchored, ..counts }
-    }
-}
-
 /// Scratch of [`update_after_edit`], kept between updates.
 #[derive(Clone, Debug, Default)]
 pub struct UpdateScratch {
@@ -130,6 +95,8 @@ pub struct UpdateScratch {
     candidates: Vec<ParticleId>,
     row: Vec<Influence>,
     pub(super) lost: Vec<ParticleId>,
+    /// Lips of the strip that a slit ends with.
+    pub(super) lips: Vec<LipVertex>,
     /// A report that nobody needs any more.
     report: MapUpdateReport,
 }
@@ -168,11 +135,7 @@ pub fn update_after_edit(
     settings: &ParticleSettings,
     scratch: &mut UpdateScratch,
 ) -> MapUpdateReport {
-    scratch.old_rows.clear();
-    scratch.old_entries.clear();
-    scratch.tests = std::mem::take(&mut strips.places.links);
-    let report = std::mem::take(&mut scratch.report).emptied();
-    let mut update = Update { mesh, rest, map, strips, edit, settings, scratch, report };
+    let mut update = Update::begin((mesh, rest), map, strips, edit, settings, scratch);
     update.mark_lips();
     if update.find_zone() {
         update.cut_links();
@@ -198,6 +161,23 @@ pub(super) struct Update<'a, 'e> {
     pub(super) settings: &'a ParticleSettings,
     pub(super) scratch: &'a mut UpdateScratch,
     pub(super) report: MapUpdateReport,
+}
+
+impl<'a, 'e> Update<'a, 'e> {
+    pub(super) fn begin(
+        (mesh, rest): (&'a Mesh, &'a [DVec3]),
+        map: &'a mut ParticleMap,
+        strips: &'a mut Strips,
+        edit: &'a MapEdit<'e>,
+        settings: &'a ParticleSettings,
+        scratch: &'a mut UpdateScratch,
+    ) -> Self {
+        scratch.old_rows.clear();
+        scratch.old_entries.clear();
+        scratch.tests = std::mem::take(&mut strips.places.links);
+        let report = std::mem::take(&mut scratch.report).emptied();
+        Self { mesh, rest, map, strips, edit, settings, scratch, report }
+    }
 }
 
 impl Update<'_, '_> {
@@ -226,7 +206,7 @@ impl Update<'_, '_> {
     ///
     /// A link is shorter than the reach, so one that crosses a new strip has both ends within the reach of it. They are
     /// looked up by place, not by a flood: links may outlive the edge path that once joined their ends.
-    fn find_zone(&mut self) -> bool {
+    pub(super) fn find_zone(&mut self) -> bool {
         self.map.influences.grow_rows(self.mesh.vertex_slots());
         let Some((low, high)) = self.bounds() else { return false };
         let (mesh, map, rest) = (self.mesh, &*self.map, self.rest);
@@ -465,7 +445,7 @@ impl Update<'_, '_> {
     }
 
     /// Finds the neighbours of new and re-anchored particles, and the influences of all but the first `moved`.
-    fn link_particles(&mut self, moved: usize) {
+    pub(super) fn link_particles(&mut self, moved: usize) {
         while let Some(j) = self.scratch.unlinked.pop() {
             if self.scratch.unlinked.len() >= moved {
                 self.find_influences(j);
@@ -527,7 +507,7 @@ impl Update<'_, '_> {
     }
 
     /// Writes the rows that differ from the map's.
-    fn write_rows(&mut self) {
+    pub(super) fn write_rows(&mut self) {
         for &v in self.edit.removed_vertices.iter().filter(|&&v| !self.mesh.vertex_is_live(v)) {
             if !self.map.influences.row(v.index()).is_empty() {
                 self.replace_row(v, &[]);
@@ -580,7 +560,7 @@ impl Update<'_, '_> {
         self.report.vertices_changed.push(v);
     }
 
-    fn finish(mut self) -> MapUpdateReport {
+    pub(super) fn finish(mut self) -> MapUpdateReport {
         self.strips.places.links = std::mem::take(&mut self.scratch.tests);
         self.report.vertices_changed.sort_unstable();
         self.report.vertices_changed.dedup();

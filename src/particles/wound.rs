@@ -5,11 +5,12 @@
 //! it is set anew for the whole slit whenever the slit grows. Near an advancing blade it stays closed, so that the blade
 //! goes on through skin that its own wound does not pull aside.
 
-use super::map_update::{LipVertex, Update};
+use super::map_report::MapUpdateReport;
+use super::map_update::{LipVertex, MapEdit, Update, UpdateScratch};
 use super::particle_map::ParticleMap;
-use super::settings::WoundSettings;
+use super::settings::{ParticleSettings, WoundSettings};
 use super::strips::{Strips, WoundMark};
-use crate::geometry::{ParticleId, VertexId};
+use crate::geometry::{Mesh, ParticleId, VertexId};
 use glam::DVec3;
 
 /// Widest opening over the length of the slit: a short slit opens less than the gap.
@@ -17,13 +18,25 @@ const GAP_OVER_LENGTH: f64 = 0.35;
 /// Least share of the opening, so that a wound particle never counts as an ordinary one.
 const LEAST_SHARE: f64 = 1e-3;
 
-/// Distance of `p` from the earlier end of strip `k`, along the slit, within the strip.
-fn along(strips: &Strips, k: usize, p: DVec3) -> f64 {
+/// Where `p` lies along strip `k`: 0 at its start, 1 at its end. A blade that leans sweeps a fan, and a place in it lies between the two
+/// ends as its distances from them say.
+fn share_along(strips: &Strips, k: usize, p: DVec3) -> f64 {
     let [tip0, tip1, base1, base0] = strips.as_slice()[k].corners.map(DVec3::from_array);
-    let direction = tip1 - tip0 + base1 - base0;
-    let squared = direction.length_squared();
-    let t = if squared > 0.0 { 2.0 * (p - 0.5 * (tip0 + base0)).dot(direction) / squared } else { 0.0 };
-    t.clamp(0.0, 1.0) * strips.stretch(k).1
+    let normal = strips.geometry(k).normal();
+    let inside = |tip: DVec3, base: DVec3, others: DVec3| {
+        let inwards = normal.cross(base - tip).normalize_or_zero();
+        (p - tip).dot(inwards) * (others - tip - base).dot(inwards).signum()
+    };
+    let (start, end) = (inside(tip0, base0, tip1 + base1), inside(tip1, base1, tip0 + base0));
+    if start + end > 0.0 { start / (start + end) } else { 0.5 }
+}
+
+/// Where the lips of a strip begin and end along it, [`share_along`]. At rest a strip that was cut in a bent pose may lie beside its lips,
+/// and before its blade has met the skin it has none.
+fn stretch_of_lips(update: &Update<'_, '_>, k: usize) -> (f64, f64) {
+    let lips = update.edit.lips.iter().filter(|l| l.strip == k && update.mesh.vertex_is_live(l.vertex));
+    let places = lips.map(|l| share_along(update.strips, k, update.rest[l.vertex.index()]));
+    places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(t), high.max(t)))
 }
 
 /// Adds wound particles to the lips of the new strips and sets the rest displacements of their slits.
@@ -44,9 +57,10 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
             // Places at multiples of the spacing from the slit's start, whatever the strips' lengths: the first holds that end shut.
             let first = (offset / wound.spacing).ceil();
             let places = (0..room).map(|i| (first + i as f64) * wound.spacing).take_while(|&s| s < end);
+            let lips = stretch_of_lips(update, k);
             for place in places {
                 for side in [1, -1] {
-                    room = room.saturating_sub(add_at(update, k, place - offset, side, room));
+                    room = room.saturating_sub(add_at(update, (k, lips), place - offset, side, room));
                 }
             }
             offset = end;
@@ -63,16 +77,20 @@ fn slit_marks(strips: &Strips, start: usize) -> impl Iterator<Item = &WoundMark>
     strips.wounds().iter().rev().take_while(move |m| m.strip as usize >= start)
 }
 
-/// Adds up to two particles, `room` at most, on one lip: a blade that passes through a thin part leaves two lips on a
-/// side. Returns how many.
-fn add_at(update: &mut Update<'_, '_>, k: usize, place: f64, side: i8, room: usize) -> usize {
+/// Adds up to two particles, `room` at most, on one lip of strip `k`, whose [`stretch_of_lips`] is given: a blade that passes through a
+/// thin part leaves two lips on a side. Returns how many.
+fn add_at(update: &mut Update<'_, '_>, (k, lips): (usize, (f64, f64)), place: f64, side: i8, room: usize) -> usize {
+    let along = |strips: &Strips, p: DVec3| {
+        let t = (share_along(strips, k, p) - lips.0) / (lips.1 - lips.0).max(f64::MIN_POSITIVE);
+        t.clamp(0.0, 1.0) * strips.stretch(k).1
+    };
     let spacing = update.settings.wound.spacing;
     let mut taken: [Option<VertexId>; 2] = [None; 2];
     for i in 0..2.min(room) {
         let mut best: Option<(f64, VertexId)> = None;
         for LipVertex { vertex, .. } in update.edit.lips.iter().filter(|l| l.strip == k && l.side.signum() == side) {
             let p = update.rest[vertex.index()];
-            let off = (along(update.strips, k, p) - place).abs();
+            let off = (along(update.strips, p) - place).abs();
             let is_apart = taken[0].is_none_or(|t| update.rest[t.index()].distance(p) > 1.5 * spacing);
             let usable = off <= 0.5 * spacing && is_apart && update.mesh.vertex_is_live(*vertex);
             if usable && !update.is_anchor(*vertex) && best.is_none_or(|b| (off, *vertex) < b) {
@@ -80,7 +98,7 @@ fn add_at(update: &mut Update<'_, '_>, k: usize, place: f64, side: i8, room: usi
             }
         }
         let Some((_, vertex)) = best else { return i };
-        let at = along(update.strips, k, update.rest[vertex.index()]);
+        let at = along(update.strips, update.rest[vertex.index()]);
         let outwards = update.strips.geometry(k).normal() * f64::from(side);
         let particle = update.add_particle(vertex, outwards * (LEAST_SHARE * update.settings.wound.gap));
         let (strip, side) = (k as u32, i32::from(side));
@@ -117,11 +135,50 @@ pub(super) fn displace_slit(
     }
 }
 
-/// The blade has left the slit that the newest strip belongs to: it opens over its whole length, its front too.
-pub fn release_slit(map: &mut ParticleMap, strips: &Strips, wound: &WoundSettings) {
-    if let Some(last) = strips.len().checked_sub(1) {
-        let start = strips.slit_start(last);
-        let (before, length) = strips.stretch(last);
-        displace_slit(map, strips, wound, start, before + length, |_| ());
+/// Live lips of a strip.
+fn lips_of<'a>(strips: &'a Strips, mesh: &'a Mesh, strip: usize) -> impl Iterator<Item = LipVertex> + 'a {
+    let live = strips.lips_of(strip).iter().filter(|v| v.index() < mesh.vertex_slots() && mesh.vertex_is_live(**v));
+    live.filter_map(move |&vertex| {
+        let own = strips.lip_sides(vertex).iter().find(|l| l.strip as usize == strip)?;
+        Some(LipVertex { vertex, strip, side: own.side as i8 })
+    })
+}
+
+/// The blade has left the slit that the newest strip belongs to: it opens over its whole length, its front too, and wound particles
+/// hold its end shut, so that it is as pointed as the start.
+pub fn release_slit(
+    (mesh, rest): (&Mesh, &[DVec3]),
+    map: &mut ParticleMap,
+    strips: &mut Strips,
+    settings: &ParticleSettings,
+    scratch: &mut UpdateScratch,
+) -> MapUpdateReport {
+    let Some(last) = strips.len().checked_sub(1) else { return MapUpdateReport::default() };
+    let (start, wound) = (strips.slit_start(last), settings.wound);
+    // where the blade went on in the air there are none
+    let end = (start..=last).rev().find(|&k| lips_of(strips, mesh, k).next().is_some()).unwrap_or(last);
+    let mut lips = std::mem::take(&mut scratch.lips);
+    lips.clear();
+    lips.extend(lips_of(strips, mesh, end));
+    let edit = MapEdit { lips: &lips, ..MapEdit::default() };
+    let mut update = Update::begin((mesh, rest), map, strips, &edit, settings, scratch);
+    let (before, length) = update.strips.stretch(end);
+    if wound.gap > 0.0 && !lips.is_empty() && update.find_zone() {
+        let range = stretch_of_lips(&update, end);
+        for side in [1, -1] {
+            let marks = slit_marks(update.strips, start).filter(|m| m.side == i32::from(side));
+            let furthest = marks.map(|m| update.strips.stretch(m.strip as usize).0 + m.along).fold(f64::NEG_INFINITY, f64::max);
+            let room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
+            if furthest < before + length - 0.5 * wound.spacing {
+                add_at(&mut update, (end, range), length, side, room);
+            }
+        }
+        update.link_particles(0);
+        update.write_rows();
     }
+    let changed = &mut update.report.particles_changed;
+    displace_slit(update.map, update.strips, &wound, start, before + length, |j| changed.push(j));
+    let report = update.finish();
+    scratch.lips = lips;
+    report
 }

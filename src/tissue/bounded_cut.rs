@@ -43,9 +43,7 @@ impl Tissue {
         }
         let slit = self.layer().map_or(0, |l| l.strips.next_slit());
         bind_slit(self, &step, [start[0], end[0], end[1], start[1]], slit, None, stages);
-        if let Some(layer) = &mut self.layer {
-            crate::particles::release_slit(&mut layer.map, &layer.strips, &layer.settings.wound);
-        }
+        self.release_slit();
         let capped =
             if closed { stages.time("caps", || self.cap_bounded(&leaf.plane, &step, &scratch)) } else { CapOutcome::default() };
         Some((step, capped))

@@ -6,7 +6,8 @@ use super::{Posed, SoftLayer, Tissue, motions};
 use crate::diagnostics::Stages;
 use crate::geometry::{HalfEdge, Plane, VertexId};
 use crate::particles::{
-    Influence, LipVertex, MapEdit, MapUpdateReport, ParticleMap, PlaneCutVertices, update_after_edit, update_after_plane_cut,
+    Influence, LipVertex, MapEdit, MapUpdateReport, ParticleMap, PlaneCutVertices, release_slit, update_after_edit,
+    update_after_plane_cut,
 };
 use crate::rig::{displaced, final_position};
 use crate::surgery::cap::{CapDress, CapOutcome, CapScratch, cap};
@@ -198,6 +199,24 @@ impl Tissue {
         let scratch = &mut self.scratch.update;
         let report =
             update_after_edit(&self.mesh, &self.rest, &mut layer.map, &mut layer.strips, &edit, &layer.settings, scratch);
+        self.follow_update(&report, old_len, new);
+        report
+    }
+
+    /// The blade has left the newest slit: it opens over all its length.
+    pub(super) fn release_slit(&mut self) {
+        let Some(layer) = &mut self.layer else { return };
+        let old_len = layer.map.influences.rows();
+        let scratch = &mut self.scratch.update;
+        let report = release_slit((&self.mesh, &self.rest), &mut layer.map, &mut layer.strips, &layer.settings, scratch);
+        self.follow_update(&report, old_len, &[]);
+        self.scratch.update.reuse(report);
+    }
+
+    /// Brings the springs in line with an update of the map, and holds what it concerns where it was: `new` vertices, and those of the
+    /// `old_len` before them whose row is another one.
+    fn follow_update(&mut self, report: &MapUpdateReport, old_len: usize, new: &[NewVertex]) {
+        let Some(layer) = &mut self.layer else { return };
         let (map, network) = (&layer.map, &mut layer.network);
         let springs = |p: usize| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight));
         network.update_springs(map.len(), &report.relinked, springs);
@@ -218,7 +237,6 @@ impl Tissue {
             self.fade_from(new.iter().map(|n| (n.vertex, n.position)));
         }
         self.scratch.update = update;
-        report
     }
 
     /// How far the particles carried a vertex with the influences `before`, less how far they do now, metres.

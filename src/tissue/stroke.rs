@@ -11,7 +11,7 @@ use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
 use crate::diagnostics::Stages;
 use crate::geometry::{Distinct, FaceId, VertexId};
-use crate::particles::{LipVertex, release_slit};
+use crate::particles::LipVertex;
 use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
 use crate::surgery::tear_walls::WallSpec;
 use crate::surgery::{BladePose, EntryPoint, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
@@ -230,8 +230,8 @@ impl TearStroke {
         if let Some(last) = self.reports.last_mut() {
             last.new_vertices += parted;
         }
-        if let Some(layer) = tissue.layer.as_mut().filter(|l| self.has_torn() && l.strips.next_slit() > self.slit) {
-            release_slit(&mut layer.map, &layer.strips, &layer.settings.wound);
+        if tissue.layer.as_ref().is_some_and(|l| self.has_torn() && l.strips.next_slit() > self.slit) {
+            tissue.release_slit();
         }
         self.ended.clear();
         self.slits.release();
