@@ -173,6 +173,39 @@ fn ten_minutes_of_beating_and_poking_do_not_drift() {
     assert!(apart(&tenth, &half) > 1e-2 * diagonal, "broken twin: half a beat apart is seen");
 }
 
+/// A blade that leaves and comes back in one stroke makes two wounds, each a lens that is shut at both ends.
+#[test]
+fn each_wound_of_a_stroke_is_a_lens_of_its_own() {
+    let (mut scene, _) = scene("beam", 3200);
+    scene.pose(0.0, 0.0);
+    let (low, high) = only(&scene).bounds();
+    let size = high - low;
+    scene.edit(EditCommand::StrokeBegin { width: 1e-3 });
+    for k in 0..=40 {
+        let x = low.x + size.x * (0.15 + 0.0175 * f64::from(k));
+        let up = if (16..=24).contains(&k) { 0.8 } else { -0.3 };
+        let at = |up: f64| DVec3::new(x, high.y + up * size.y, 0.5 * (low.z + high.z));
+        scene.edit(EditCommand::StrokePose(BladePose { t: 0.05 * f64::from(k), tip: at(up), base: at(up + 1.3) }));
+    }
+    scene.edit(EditCommand::StrokeEnd);
+    let layer = only(&scene).layer().unwrap();
+    let marks = layer.strips.wounds();
+    let slit = |strip: u32| layer.strips.as_slice()[strip as usize].slit;
+    let opening = |j: ParticleId| DVec3::from_array(layer.map.rest_displacement[j.index()]).length();
+    let mut slits: Vec<u32> = marks.iter().map(|m| slit(m.strip)).collect();
+    slits.dedup();
+    assert_eq!(slits.len(), 2, "two wounds");
+    for of in slits {
+        let mut along: Vec<_> =
+            marks.iter().filter(|m| slit(m.strip) == of).map(|m| (m.strip, m.along, opening(m.particle))).collect();
+        along.sort_by(|a, b| (a.0, a.1).partial_cmp(&(b.0, b.1)).unwrap());
+        let widest = along.iter().map(|m| m.2).fold(0.0, f64::max);
+        let ends = [along[0].2, along[along.len() - 1].2];
+        assert!(ends.iter().all(|e| *e < 0.1 * widest), "{ends:?} of {widest}");
+        assert!(along[along.len() / 2].2 > 0.8 * widest, "and widest in the middle");
+    }
+}
+
 /// Where a particle is seen, model space.
 fn place(scene: &Scene, p: ParticleId) -> DVec3 {
     only(scene).particle_in_model(p)

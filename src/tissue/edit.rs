@@ -204,13 +204,13 @@ impl Tissue {
     }
 
     /// The blade has left the newest slit: it opens over all its length.
-    pub(super) fn release_slit(&mut self) {
-        let Some(layer) = &mut self.layer else { return };
+    pub(super) fn release_slit(&mut self) -> MapUpdateReport {
+        let Some(layer) = &mut self.layer else { return MapUpdateReport::default() };
         let old_len = layer.map.influences.rows();
         let scratch = &mut self.scratch.update;
         let report = release_slit((&self.mesh, &self.rest), &mut layer.map, &mut layer.strips, &layer.settings, scratch);
         self.follow_update(&report, old_len, &[]);
-        self.scratch.update.reuse(report);
+        report
     }
 
     /// Brings the springs in line with an update of the map, and holds what it concerns where it was: `new` vertices, and those of the

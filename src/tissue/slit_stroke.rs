@@ -100,11 +100,24 @@ fn distance_to_line(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
 }
 
 impl TearStroke {
+    /// A chain of boxes or strips is a slit of its own, a wound with two ends, unless it `goes_on` from another or runs beside one: then
+    /// the slit before is left by the blade.
+    pub(super) fn begin_slit(&mut self, tissue: &mut Tissue, goes_on: bool) {
+        let next = tissue.layer.as_ref().map_or(0, |l| l.strips.next_slit());
+        if !goes_on && next > self.slit && self.stroke.builder().open_chains().count() <= 1 {
+            let report = tissue.release_slit();
+            self.positions.edited(tissue, report.vertices_changed.iter().copied());
+            tissue.scratch.update.reuse(report);
+            self.slit = next;
+        }
+    }
+
     pub(super) fn tear_slit(&mut self, tissue: &mut Tissue, slit: &Slit) {
         let mut report = SegmentReport::default();
         let mut starts = std::mem::take(&mut self.slits.starts);
         let before = self.slits.starts(slit, tissue.diagonal(), &mut starts);
         let (joint, before) = (before.map(|e| e.at_rest), before.and_then(|e| e.strip));
+        self.begin_slit(tissue, joint.is_some());
         let leaves = Leaf::of_slit(slit, ON_PLANE * tissue.diagonal());
         let c = slit.corners;
         let margin = DVec3::splat(1e-9 * tissue.diagonal());

@@ -231,7 +231,8 @@ impl TearStroke {
             last.new_vertices += parted;
         }
         if tissue.layer.as_ref().is_some_and(|l| self.has_torn() && l.strips.next_slit() > self.slit) {
-            tissue.release_slit();
+            let report = tissue.release_slit();
+            tissue.scratch.update.reuse(report);
         }
         self.ended.clear();
         self.slits.release();
@@ -346,6 +347,7 @@ impl TearStroke {
         }
         let before = self.ended.iter().position(follows).map(|i| self.ended.remove(i));
         let start = before.as_ref().map(|e| e.at_rest);
+        self.begin_slit(tissue, start.is_some());
         let mut before = before.or_else(|| self.spare_ended.pop().map(Ended::emptied)).unwrap_or_default();
         if self.moved && !before.tags.is_empty() {
             planes.reach_back(tear_box);
