@@ -366,6 +366,33 @@ fn a_wound_opens_like_a_lens() {
     }
 }
 
+/// Where a slit runs over a border its lips do not meet, and it stands open there; within the skin both ends are held shut.
+#[test]
+fn a_wound_is_shut_where_its_lips_meet() {
+    let opened = |x0: f64, x1: f64| {
+        let mut patient = Patient::new(test_models::grid(60, 0.0, 1), settings(0.1, 0.04));
+        let wound = patient.slit(0.5, x0, x1, 4);
+        patient.update(&wound);
+        let Patient { mesh, rest, map, strips, settings, scratch } = &mut patient;
+        release_slit((mesh, rest), map, strips, settings, scratch);
+        patient.validate();
+        let Patient { rest, map, strips, .. } = &patient;
+        let place = |m: &WoundMark| rest[map.anchors[m.particle.index()].index()].x;
+        let width = |m: &WoundMark| 2.0 * map.rest_displacement[m.particle.index()][1].abs();
+        let mut marks: Vec<(f64, f64)> = strips.wounds().iter().map(|m| (place(m), width(m))).collect();
+        marks.sort_by(|a, b| a.0.total_cmp(&b.0));
+        [marks[0].1, marks[marks.len() / 2].1, marks[marks.len() - 1].1].map(|w| w / 0.04)
+    };
+    let [start, middle, end] = opened(0.2, 0.6);
+    assert!(start < 0.1 && middle > 0.9 && end < 0.1, "{start} {middle} {end}");
+    let [start, middle, end] = opened(-1.0 / 60.0, 0.4);
+    assert!(start > 0.9 && middle < start && end < 0.1, "over the border it starts at: {start} {middle} {end}");
+    let [start, middle, end] = opened(0.6, 61.0 / 60.0);
+    assert!(start < 0.1 && middle < end && end > 0.9, "over the border it ends at: {start} {middle} {end}");
+    let [start, middle, end] = opened(-1.0 / 60.0, 61.0 / 60.0);
+    assert!(start.min(middle).min(end) > 0.99, "from border to border: {start} {middle} {end}");
+}
+
 #[test]
 fn a_growing_slit_keeps_its_wound_particles_within_bounds() {
     let mut limited = settings(0.1, 0.04);

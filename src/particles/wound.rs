@@ -10,11 +10,13 @@ use super::map_update::{LipVertex, MapEdit, Update, UpdateScratch};
 use super::particle_map::ParticleMap;
 use super::settings::{ParticleSettings, WoundSettings};
 use super::strips::{Strips, WoundMark};
-use crate::geometry::{Mesh, ParticleId, VertexId};
+use crate::geometry::{HalfEdge, Mesh, ParticleId, VertexId};
 use glam::DVec3;
 
 /// Widest opening over the length of the slit: a short slit opens less than the gap.
 const GAP_OVER_LENGTH: f64 = 0.35;
+/// Vertices that are looked at between the two lips of a slit's end.
+const MOST_BETWEEN_LIPS: usize = 128;
 /// Least share of the opening, so that a wound particle never counts as an ordinary one.
 const LEAST_SHARE: f64 = 1e-3;
 
@@ -54,8 +56,10 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
         let mut room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
         while k < strips.end && update.strips.as_slice()[k].slit == slit {
             let end = offset + update.strips.stretch(k).1;
-            // Places at multiples of the spacing from the slit's start, whatever the strips' lengths: the first holds that end shut.
-            let first = (offset / wound.spacing).ceil();
+            // Places at multiples of the spacing from the slit's start, whatever the strips' lengths: the first holds that end shut,
+            // if it is one.
+            let is_open = k == start && !lips_meet(update, k, false);
+            let first = (offset / wound.spacing).ceil().max(if is_open { 1.0 } else { 0.0 });
             let places = (0..room).map(|i| (first + i as f64) * wound.spacing).take_while(|&s| s < end);
             let lips = stretch_of_lips(update, k);
             for place in places {
@@ -68,8 +72,42 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
         }
         let open = (offset - wound.front).max(0.0);
         let changed = &mut update.report.particles_changed;
-        displace_slit(update.map, update.strips, &wound, start, open, |j| changed.push(j));
+        displace_slit(update.map, update.strips, &wound, (start, open, true), |j| changed.push(j));
     }
+}
+
+/// True if the lips of strip `k` meet at its start, or at its end: from the outermost lip skin leads to the other side. Over a border,
+/// in an older wound, or where a model that moves has carried the blade back into its slit they do not.
+fn lips_meet(update: &mut Update<'_, '_>, k: usize, at_end: bool) -> bool {
+    let Update { mesh, rest, strips, edit, scratch, settings, .. } = update;
+    let is_skin = |h: &HalfEdge| !mesh.face_info(h.face()).is_interior();
+    let is_lip =
+        |l: &&LipVertex| l.strip == k && l.side > 0 && mesh.vertex_is_live(l.vertex) && mesh.fan(l.vertex).any(|h| is_skin(&h));
+    let lips = edit.lips.iter().filter(is_lip);
+    let place = |v: VertexId| share_along(strips, k, rest[v.index()]) * if at_end { -1.0 } else { 1.0 };
+    let Some(from) = lips.map(|l| l.vertex).min_by(|a, b| place(*a).total_cmp(&place(*b)).then(a.cmp(b))) else { return false };
+    let near = k.saturating_sub(1) as u32..k as u32 + 2;
+    let side = |v: VertexId| strips.lip_sides(v).iter().find(|l| near.contains(&l.strip)).map_or(0, |l| l.side);
+    let reached = &mut scratch.work;
+    reached.clear();
+    reached.push(from);
+    let mut next = 0;
+    while next < reached.len().min(MOST_BETWEEN_LIPS) {
+        let v = reached[next];
+        next += 1;
+        for h in mesh.fan(v).filter(is_skin) {
+            for w in [mesh.to(h), mesh.from(h.prev())] {
+                match side(w) {
+                    -1 => return true,
+                    0 if !reached.contains(&w) && rest[w.index()].distance(rest[from.index()]) < settings.wound.spacing => {
+                        reached.push(w)
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+    false
 }
 
 /// Marks of the slit that starts at strip `start` and goes on to the newest strip.
@@ -108,24 +146,31 @@ fn add_at(update: &mut Update<'_, '_>, (k, lips): (usize, (f64, f64)), place: f6
     taken.iter().flatten().count()
 }
 
-/// Sets the rest displacements of the slit that starts at strip `start`: half the gap at the middle of its first `open`
-/// metres, a parabola along them, and closed behind (MATHS 3.3). Tells the particles whose displacement changed.
-pub(super) fn displace_slit(
+/// Sets the rest displacements of the slit that starts at strip `start`: a parabola along its first `open` metres, closed behind
+/// (MATHS 3.3). It is half the gap at the middle and nothing at the ends; an end where lips do not meet is as wide as the middle would be.
+/// `is_shut` tells that of the end; the start is shut if a wound particle holds it. Tells the particles whose displacement changed.
+fn displace_slit(
     map: &mut ParticleMap,
     strips: &Strips,
     wound: &WoundSettings,
-    start: usize,
-    open: f64,
+    (start, open, is_shut): (usize, f64, bool),
     mut changed: impl FnMut(ParticleId),
 ) {
     let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * open);
+    let place = |mark: &WoundMark| strips.stretch(mark.strip as usize).0 + mark.along;
+    let profile: fn(f64) -> f64 = match (slit_marks(strips, start).any(|m| place(m) < 0.5 * wound.spacing), is_shut) {
+        (true, true) => |x| 4.0 * x * (1.0 - x),
+        (true, false) => |x| x * (2.0 - x),
+        (false, true) => |x| 1.0 - x * x,
+        (false, false) => |_| 1.0,
+    };
     for mark in slit_marks(strips, start) {
         let (j, k) = (mark.particle.index(), mark.strip as usize);
         if j >= map.len() || map.anchors[j].is_none() || strips.as_slice()[k].slit != strips.as_slice()[start].slit {
             continue;
         }
-        let x = if open > 0.0 { ((strips.stretch(k).0 + mark.along) / open).clamp(0.0, 1.0) } else { 1.0 };
-        let share = 4.0 * x * (1.0 - x);
+        let x = if open > 0.0 { place(mark) / open } else { f64::INFINITY };
+        let share = if x <= 1.0 { profile(x) } else { f64::from(u8::from(!is_shut)) };
         let least = LEAST_SHARE * wound.gap;
         let u0 = (strips.geometry(k).normal() * (f64::from(mark.side) * (half_gap * share).max(least))).to_array();
         if map.rest_displacement[j] != u0 && u0 != [0.0; 3] {
@@ -163,9 +208,11 @@ pub fn release_slit(
     let edit = MapEdit { lips: &lips, ..MapEdit::default() };
     let mut update = Update::begin((mesh, rest), map, strips, &edit, settings, scratch);
     let (before, length) = update.strips.stretch(end);
+    let mut is_shut = true;
     if wound.gap > 0.0 && !lips.is_empty() && update.find_zone() {
         let range = stretch_of_lips(&update, end);
-        for side in [1, -1] {
+        is_shut = lips_meet(&mut update, end, true);
+        for side in [1, -1].into_iter().filter(|_| is_shut) {
             let marks = slit_marks(update.strips, start).filter(|m| m.side == i32::from(side));
             let furthest = marks.map(|m| update.strips.stretch(m.strip as usize).0 + m.along).fold(f64::NEG_INFINITY, f64::max);
             let room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
@@ -177,7 +224,7 @@ pub fn release_slit(
         update.write_rows();
     }
     let changed = &mut update.report.particles_changed;
-    displace_slit(update.map, update.strips, &wound, start, before + length, |j| changed.push(j));
+    displace_slit(update.map, update.strips, &wound, (start, before + length, is_shut), |j| changed.push(j));
     let report = update.finish();
     scratch.lips = lips;
     report
