@@ -1,8 +1,8 @@
 //! Wound particles: they draw the lips of a slit apart (MATHS 3.3; the paper's 3.3.4).
 //!
 //! They sit on lip vertices at even distances along the slit and rest displaced along the strip's normal, away from the
-//! slit. The displacement follows a parabola over the slit's length, so the wound is a lens with pointed ends;
-//! it is set anew for the whole slit whenever the slit grows. Near an advancing blade it stays closed, so that the blade
+//! slit. The displacement follows a parabola over the slit's length, so the wound is a lens with pointed ends, or stands open where
+//! lips do not meet; it is set anew for the whole slit whenever the slit grows. Near an advancing blade it stays closed, so that the blade
 //! goes on through skin that its own wound does not pull aside.
 
 use super::map_report::MapUpdateReport;
@@ -86,7 +86,7 @@ fn lips_meet(update: &mut Update<'_, '_>, k: usize, at_end: bool) -> bool {
     let lips = edit.lips.iter().filter(is_lip);
     let place = |v: VertexId| share_along(strips, k, rest[v.index()]) * if at_end { -1.0 } else { 1.0 };
     let Some(from) = lips.map(|l| l.vertex).min_by(|a, b| place(*a).total_cmp(&place(*b)).then(a.cmp(b))) else { return false };
-    let near = k.saturating_sub(1) as u32..k as u32 + 2;
+    let near = k.saturating_sub(1).max(strips.slit_start(k)) as u32..k as u32 + 2;
     let side = |v: VertexId| strips.lip_sides(v).iter().find(|l| near.contains(&l.strip)).map_or(0, |l| l.side);
     let reached = &mut scratch.work;
     reached.clear();
