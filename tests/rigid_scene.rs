@@ -250,6 +250,26 @@ fn a_piece_rests_on_what_it_was_cut_off() {
     scene.validate().unwrap();
 }
 
+/// Hulls that lean on hulls rocked on their corners for ever.
+#[test]
+fn pieces_that_lean_on_what_they_came_off_come_to_rest() {
+    for (name, tilt, offset) in [("sphere", 0.5, 0.3), ("sphere", 0.8, 0.3), ("heart", 0.8, 0.3)] {
+        let mut scene = falling(name, 2_000);
+        let (low, high) = scene.ground_bounds();
+        let normal = DVec3::new(f64::sin(tilt), f64::cos(tilt), 0.2 * (tilt / 0.3).floor()).normalize();
+        let offset = normal.dot((low + high) / 2.0) + 0.3 * offset * (high - low).length();
+        scene.edit(EditCommand::CutClosed(Plane::Equation { normal, offset }));
+        let loose = loose_ids(&scene)[0];
+        let at = |scene: &Scene| scene.tissue(loose).unwrap().frame().translation;
+        let start = at(&scene);
+        let steps = (0..900).position(|_| {
+            scene.step(STEP);
+            scene.is_asleep()
+        });
+        assert!(steps.is_some_and(|n| n > 30) && at(&scene) != start, "{name}, {tilt}: {steps:?}");
+    }
+}
+
 #[test]
 fn few_particles_carry_a_piece_and_a_rolling_piece_does_not_sink_in() {
     let mut scene = falling("heart", 3000);

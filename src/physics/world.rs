@@ -8,7 +8,7 @@ use super::network::Network;
 use super::rigid::{RigidPose, RigidShape, Solid};
 use crate::geometry::ParticleId;
 use glam::{DQuat, DVec3, Vec3};
-use rapier3d::dynamics::{IntegrationParameters, RigidBodyBuilder, RigidBodyHandle};
+use rapier3d::dynamics::{IntegrationParameters, RigidBody, RigidBodyBuilder, RigidBodyHandle};
 use rapier3d::geometry::{ColliderBuilder, ColliderHandle, Group, InteractionGroups, InteractionTestMode};
 use rapier3d::math::Pose;
 use rapier3d::parry::query;
@@ -26,6 +26,14 @@ pub const MAX_SUBSTEPS: usize = 16;
 pub const GRAVITY: f64 = 9.81;
 /// A loose body moves no faster than this many lengths of the world in a second.
 const FASTEST: f64 = 100.0;
+
+/// What damps a loose body, linear and angular, 1/s.
+const DAMPING: [f32; 2] = [0.3, 1.0];
+/// A loose body that has not left this many of its radii is damped the more, this much more in every second after the first, and sleeps
+/// after this many seconds. Rapier's own sleep looks at velocities, and a hull that leans on a hull may rock on its corners for ever.
+const STILL: f64 = 0.8;
+const CALMING: f64 = 20.0;
+const STILL_S: f64 = 4.0;
 
 /// How fast a piece follows the hand that holds it, Hz.
 const CARRYING: f64 = 8.0;
@@ -69,6 +77,8 @@ pub(super) struct Body {
     pub fresh: bool,
     /// Whether soft layers feel it.
     soft: bool,
+    /// Where it was when it was last seen to get anywhere, and for how long it has not since then, s.
+    still: (RigidPose, f64),
 }
 
 /// Bodies, their poses, and rapier.
@@ -103,7 +113,13 @@ impl RigidWorld {
         Self { world, bodies: BTreeMap::new(), next: 0, up, length, table: None, loose: 0 }
     }
 
+    /// What loose bodies lie on is about to change: none is about to lie still.
+    fn stir(&mut self) {
+        self.bodies.values_mut().for_each(|b| b.still.1 = 0.0);
+    }
+
     fn insert(&mut self, body: Body) -> BodyId {
+        self.stir();
         let id = BodyId(self.next);
         self.next += 1;
         self.bodies.insert(id, body);
@@ -143,8 +159,8 @@ impl RigidWorld {
         if !(mass.is_finite() && mass > 0.0) {
             return None;
         }
-        let builder =
-            RigidBodyBuilder::dynamic().pose(to_rapier(&pose)).ccd_enabled(true).linear_damping(0.3).angular_damping(1.0);
+        let builder = RigidBodyBuilder::dynamic().pose(to_rapier(&pose)).ccd_enabled(true);
+        let builder = builder.linear_damping(DAMPING[0]).angular_damping(DAMPING[1]);
         let collider = ColliderBuilder::new(shape).mass(mass as f32).friction(0.6);
         let (handle, _) = self.world.insert(builder, collider);
         self.loose += 1;
@@ -164,6 +180,7 @@ impl RigidWorld {
 
     /// Gives a hull another shape, which wakes what lies on it; nothing happens if there is no such hull. What soft layers feel stays.
     pub fn reshape(&mut self, id: BodyId, points: &[DVec3]) {
+        self.stir();
         let handle = self.bodies.get(&id).and_then(|b| b.handle);
         if let (Some(collider), Some(shape)) = (self.collider(handle), hull(points)) {
             self.world.colliders[collider].set_shape(shape);
@@ -225,6 +242,7 @@ impl RigidWorld {
 
     /// Takes a body away; unknown ones are ignored.
     pub fn remove(&mut self, id: BodyId) {
+        self.stir();
         if let Some(body) = self.bodies.remove(&id) {
             self.loose -= usize::from(body.mass > 0.0);
             if let Some(handle) = body.handle {
@@ -383,6 +401,9 @@ impl RigidWorld {
             if rigid.linvel().length() > (FASTEST * self.length) as f32 {
                 rigid.set_linvel(rigid.linvel().clamp_length_max((FASTEST * self.length) as f32), false);
             }
+            if !rigid.is_sleeping() {
+                body.calm(rigid, h);
+            }
         }
     }
 
@@ -392,6 +413,7 @@ impl RigidWorld {
             let change = (body.push.force - body.felt).length();
             body.felt = body.push.force;
             if let Some(handle) = body.handle.filter(|_| change > 1e-3 * GRAVITY * body.mass) {
+                body.still.1 = 0.0;
                 self.world.wake_up(handle, true);
             }
         }
@@ -405,9 +427,10 @@ impl RigidWorld {
             (0.5 * (from + to), radius + 0.5 * from.distance(to))
         };
         let driven: Vec<(DVec3, f64)> = self.bodies.values().filter(|b| b.mass == 0.0 && b.moved()).map(reach).collect();
-        for body in self.bodies.values().filter(|b| b.mass > 0.0) {
+        for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
             let (at, radius) = reach(body);
             if let Some(handle) = body.handle.filter(|_| driven.iter().any(|(d, r)| d.distance(at) < radius + r)) {
+                body.still.1 = 0.0;
                 self.world.wake_up(handle, true);
             }
         }
@@ -437,7 +460,25 @@ impl RigidWorld {
 impl Body {
     fn new(handle: Option<RigidBodyHandle>, solid: Solid, pose: RigidPose, mass: f64) -> Self {
         let (push, felt) = (Push::default(), DVec3::ZERO);
-        Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh: true, soft: true }
+        Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh: true, soft: true, still: (pose, 0.0) }
+    }
+
+    /// Damps a body that gets nowhere, and lets it sleep in the end.
+    fn calm(&mut self, rigid: &mut RigidBody, h: f64) {
+        let (middle, radius) = self.solid.ball();
+        let (from, still_s) = &mut self.still;
+        let turned = radius * self.now.rotation.angle_between(from.rotation);
+        if self.now.point(middle).distance(from.point(middle)) + turned > STILL * radius {
+            self.still = (self.now, 0.0);
+        } else {
+            *still_s += h;
+        }
+        let factor = (1.0 + CALMING * (self.still.1 - 1.0).max(0.0)) as f32;
+        rigid.set_linear_damping(DAMPING[0] * factor);
+        rigid.set_angular_damping(DAMPING[1] * factor);
+        if self.still.1 > STILL_S {
+            rigid.sleep();
+        }
     }
 
     /// True if the last step moved it.
