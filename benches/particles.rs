@@ -1,17 +1,11 @@
-//! Poisson-disk sampling, building the particle map, and mending it after one tear segment.
+//! Poisson-disk sampling and building the particle map. Mending it is a row of `cargo bench --bench tear`: `update_particles`.
 //!
 //! Models are made here, so that the figures need no file: unit spheres (octahedra, each face split n x n).
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use incise::geometry::topology::TopologyScratch;
-use incise::geometry::{HalfEdge, Mesh, VertexId, Wedge, WedgeId};
-use incise::particles::{
-    LipVertex, MapEdit, NewVertex, ParticleMap, ParticleSettings, PoissonScratch, Strips, UpdateScratch, sample, sample_count,
-    sample_with, update_after_edit,
-};
-use std::hint::black_box;
-use std::time::{Duration, Instant};
+use incise::geometry::{Mesh, VertexId, Wedge, WedgeId};
+use incise::particles::{ParticleMap, ParticleSettings, PoissonScratch, sample, sample_count, sample_with};
 
 fn sphere(n: usize) -> (Mesh, Vec<DVec3>) {
     let axes = [DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y, DVec3::NEG_Z];
@@ -66,81 +60,5 @@ fn building(c: &mut Criterion) {
     c.benchmark_group("map").bench_function(name, |b| b.iter(|| ParticleMap::build(&mesh, &rest, &anchors, &settings)));
 }
 
-/// A slit of width 0 along five edges of the equator of an 18k-face sphere.
-fn updating(c: &mut Criterion) {
-    let (mut mesh, mut rest) = sphere(48);
-    let settings = ParticleSettings::for_model(&mesh, &rest);
-    let anchors = sample(&mesh, &rest, settings.spacing, 1);
-    let (map, _) = ParticleMap::build(&mesh, &rest, &anchors, &settings);
-    let line: Vec<VertexId> = mesh
-        .live_vertices()
-        .filter(|v| rest[v.index()].z == 0.0 && rest[v.index()].y.abs() < 0.09 && rest[v.index()].x > 0.0)
-        .collect();
-    for f in mesh.live_faces().collect::<Vec<_>>() {
-        for k in 0..3 {
-            let h = HalfEdge::of(f, k);
-            if line.contains(&mesh.from(h)) && line.contains(&mesh.to(h)) {
-                mesh.open_edge(h);
-            }
-        }
-    }
-    let faces: Vec<_> = mesh.live_faces().collect();
-    let mut copies = Vec::new();
-    mesh.split_fans(&line, &faces, &mut TopologyScratch::default(), &mut copies);
-    let new: Vec<NewVertex> = copies
-        .iter()
-        .map(|s| NewVertex { vertex: s.vertex, parents: [s.from, VertexId::NONE, VertexId::NONE], is_apart: false })
-        .collect();
-    rest.extend(copies.iter().map(|s| rest[s.from.index()]).collect::<Vec<_>>());
-    let mut strips = Strips::default();
-    let ys: Vec<f64> = line.iter().map(|v| rest[v.index()].y).collect();
-    let (y0, y1) = (ys.iter().copied().fold(1.0, f64::min), ys.iter().copied().fold(-1.0, f64::max));
-    let at = |x: f64, y: f64| DVec3::new(x, y, 0.0);
-    let pushed = strips.push([at(0.9, y0), at(0.9, y1), at(1.01, y1), at(1.01, y0)], settings.radius, 0);
-    assert!(pushed.is_ok());
-    let side_of = |v: VertexId| {
-        let up = mesh.fan(v).map(|h| mesh.face(h.face()).iter().map(|u| rest[u.index()].z).sum::<f64>()).sum::<f64>();
-        if (up > 0.0) == (strips.geometry(0).normal().z > 0.0) { 1 } else { -1 }
-    };
-    let lips: Vec<LipVertex> = copies
-        .iter()
-        .flat_map(|s| [s.from, s.vertex])
-        .map(|vertex| LipVertex { vertex, strip: 0, side: side_of(vertex) })
-        .collect();
-    let mut warm = (map.clone(), strips.clone());
-    let mut scratch = UpdateScratch::default();
-    let edit = MapEdit { new_vertices: &new, removed_vertices: &[], new_strips: 0..1, lips: &lips };
-    // The first update of a tissue builds its grids and grows the tables; a tear in progress has them.
-    let report = update_after_edit(&mesh, &rest, &mut warm.0, &mut warm.1, &edit, &settings, &mut scratch);
-    println!(
-        "one segment at {} faces: {} visited, {} changed, {} influences and {} links cut, {} particles added",
-        mesh.face_count(),
-        report.vertices_visited,
-        report.vertices_changed.len(),
-        report.influences_removed,
-        report.links_removed,
-        report.particles_added.len()
-    );
-    let (map, strips) = (&mut warm.0, &mut warm.1);
-    let undo = |map: &mut ParticleMap, strips: &mut Strips| {
-        let deltas = (map.take_delta(), strips.take_delta());
-        map.apply_delta(deltas.0);
-        strips.apply_delta(deltas.1);
-    };
-    undo(map, strips);
-    c.benchmark_group("map").bench_function("update after one segment, 18k faces", |b| {
-        b.iter_custom(|rounds| {
-            let mut total = Duration::ZERO;
-            for _ in 0..rounds {
-                let start = Instant::now();
-                black_box(update_after_edit(&mesh, &rest, map, strips, &edit, &settings, &mut scratch));
-                total += start.elapsed();
-                undo(map, strips);
-            }
-            total
-        });
-    });
-}
-
-criterion_group!(benches, sampling, building, updating);
+criterion_group!(benches, sampling, building);
 criterion_main!(benches);
