@@ -9,7 +9,7 @@ use super::places::Places;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
 use crate::geometry::room::headroom;
-use crate::geometry::{Delta, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
+use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use parry3d::bounding_volume::Aabb;
@@ -210,6 +210,11 @@ impl Strips {
     /// Vertices that are or once were lips of strip `k`.
     pub(super) fn lips_of(&self, k: usize) -> &[VertexId] {
         self.places.lips.get(k)
+    }
+
+    /// Those of them that live.
+    pub(super) fn live_lips<'a>(&'a self, mesh: &'a Mesh, k: usize) -> impl Iterator<Item = VertexId> + 'a {
+        self.lips_of(k).iter().copied().filter(|v| v.index() < mesh.vertex_slots() && mesh.vertex_is_live(*v))
     }
 
     /// True if the segment between two rest positions crosses no strip.

@@ -27,6 +27,8 @@ pub struct WaysRound {
     ends: Vec<DVec3>,
     /// Scratch: vertices in the order they were reached, each with the place of the one it was reached from.
     reached: Vec<(VertexId, usize)>,
+    /// Scratch: edges between lips of a slit, and the middle of the way.
+    met: Vec<(usize, DVec3)>,
 }
 
 impl WaysRound {
@@ -40,16 +42,19 @@ impl WaysRound {
         while start < strips.len() {
             let end = (start..strips.len()).find(|&k| strips.slit_start(k) != start).unwrap_or(strips.len());
             let first = self.ends.len();
+            self.met.clear();
+            for k in start..end {
+                let near = (k.saturating_sub(1).max(start) as u32)..(k + 2).min(end) as u32;
+                for v in strips.live_lips(mesh, k) {
+                    let met = self.meeting((mesh, strips, rest), v, &near, spacing);
+                    self.met.extend(met);
+                }
+            }
             // ends proper before what is met round their corners
-            for edges in 1..=MOST_EDGES {
-                for k in start..end {
-                    let near = (k.saturating_sub(1).max(start) as u32)..(k + 2).min(end) as u32;
-                    for &v in strips.lips_of(k).iter().filter(|v| v.index() < rest.len() && mesh.vertex_is_live(**v)) {
-                        let Some(middle) = self.meeting((mesh, strips, rest), v, &near, (edges, spacing)) else { continue };
-                        if self.ends[first..].iter().all(|e| e.distance_squared(middle) > spacing * spacing) {
-                            self.ends.push(middle);
-                        }
-                    }
+            self.met.sort_by_key(|met| met.0);
+            for &(_, middle) in &self.met {
+                if self.ends[first..].iter().all(|e| e.distance_squared(middle) > spacing * spacing) {
+                    self.ends.push(middle);
                 }
             }
             self.slits.push((start, self.ends.len()));
@@ -57,25 +62,24 @@ impl WaysRound {
         }
     }
 
-    /// The middle of a way from a vertex on the positive lip to one on the negative lip of one of the strips `near`, so many edges long at
-    /// most, over vertices on neither.
+    /// The shortest way from a vertex on the positive lip to one on the negative lip of one of the strips `near`, over vertices on neither:
+    /// its edges and its middle.
     fn meeting(
         &mut self,
         (mesh, strips, rest): Torn<'_>,
         from: VertexId,
         near: &Range<u32>,
-        limits: (usize, f64),
-    ) -> Option<DVec3> {
+        spacing: f64,
+    ) -> Option<(usize, DVec3)> {
         let lip = |v: VertexId| strips.lip_sides(v).iter().find(|l| near.contains(&l.strip)).map_or(0, |l| l.side);
         if lip(from) <= 0 {
             return None;
         }
-        let (edges, spacing) = limits;
         let reached = &mut self.reached;
         reached.clear();
         reached.push((from, 0));
         let mut ring = 0..1;
-        for edge in 1..=edges {
+        for edge in 1..=MOST_EDGES {
             for i in ring.clone() {
                 for w in mesh.neighbours(reached[i].0) {
                     match lip(w) {
@@ -86,7 +90,8 @@ impl WaysRound {
                             for back in &mut way[1..=edge] {
                                 (*back, at) = reached[at];
                             }
-                            return Some(0.5 * (rest[way[edge / 2].index()] + rest[way[edge.div_ceil(2)].index()]));
+                            let middle = 0.5 * (rest[way[edge / 2].index()] + rest[way[edge.div_ceil(2)].index()]);
+                            return Some((edge, middle));
                         }
                         _ => {}
                     }

@@ -182,8 +182,7 @@ fn displace_slit(
 
 /// Live lips of a strip.
 fn lips_of<'a>(strips: &'a Strips, mesh: &'a Mesh, strip: usize) -> impl Iterator<Item = LipVertex> + 'a {
-    let live = strips.lips_of(strip).iter().filter(|v| v.index() < mesh.vertex_slots() && mesh.vertex_is_live(**v));
-    live.filter_map(move |&vertex| {
+    strips.live_lips(mesh, strip).filter_map(move |vertex| {
         let own = strips.lip_sides(vertex).iter().find(|l| l.strip as usize == strip)?;
         Some(LipVertex { vertex, strip, side: own.side as i8 })
     })
