@@ -2,6 +2,7 @@
 //! particle map included. Medians, milliseconds; beside it parry3d's split on the same triangles.
 //!
 //! `cargo bench --bench cut [-- MOST_FACES [LEAST_FACES]]`
+//! `cargo bench --bench cut -- --export FOLDER` writes the models for other libraries' programs instead: `benches/peers/run`.
 
 use glam::DVec3;
 use incise::diagnostics::Stages;
@@ -51,10 +52,29 @@ fn report(name: &str, faces: usize, times: Vec<f64>, stages: &[Stages]) {
     println!("{line}");
 }
 
+const SIZES: [usize; 5] = [768, 5_000, 18_000, 100_000, 1_000_000];
+
+fn export(folder: &str) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    for faces in SIZES {
+        let (points, triangles) = soup(&tissue(faces, false));
+        let mut text = String::new();
+        points.iter().for_each(|p| text += &format!("v {} {} {}\n", p.x, p.y, p.z));
+        triangles.iter().for_each(|f| text += &format!("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1));
+        std::fs::write(format!("{folder}/cut-{faces}.obj"), text)?;
+    }
+    Ok(())
+}
+
 fn main() {
+    let arguments: Vec<String> = std::env::args().collect();
+    if let Some(folder) = arguments.iter().position(|a| a == "--export").and_then(|i| arguments.get(i + 1)) {
+        export(folder).expect("room for the files");
+        return;
+    }
     let mut sizes = std::env::args().filter_map(|a| a.parse().ok());
     let (most, least) = (sizes.next().unwrap_or(1_000_000usize), sizes.next().unwrap_or(0));
-    for faces in [768, 5_000, 18_000, 100_000, 1_000_000].into_iter().filter(|f| (least..=most).contains(f)) {
+    for faces in SIZES.into_iter().filter(|f| (least..=most).contains(f)) {
         let rounds = (200_000 / faces).clamp(5, 41);
         for particles in [false, true] {
             let mut subject = tissue(faces, particles);
@@ -101,10 +121,14 @@ fn main() {
     }
 }
 
+/// Positions and triangles.
+fn soup(subject: &Tissue) -> (Vec<DVec3>, Vec<[u32; 3]>) {
+    let points = (0..subject.mesh().vertex_slots()).map(|v| subject.position(VertexId::new(v))).collect();
+    (points, subject.mesh().live_faces().map(|f| subject.mesh().face(f).map(|v| v.0)).collect())
+}
+
 fn peers(faces: usize, rounds: usize) {
-    let subject = tissue(faces, false);
-    let points: Vec<DVec3> = (0..subject.mesh().vertex_slots()).map(|v| subject.position(VertexId::new(v))).collect();
-    let triangles: Vec<[u32; 3]> = subject.mesh().live_faces().map(|f| subject.mesh().face(f).map(|v| v.0)).collect();
+    let (points, triangles) = soup(&tissue(faces, false));
     let vertices = points.iter().map(|p| parry3d::math::Vector::from(p.as_vec3().to_array())).collect();
     let Ok(mesh) = TriMesh::new(vertices, triangles) else { return };
     let axis = parry3d::math::Vector::new(0.3, 1.0, 0.2).normalize();
