@@ -31,7 +31,7 @@ fn cut(tissue: &mut Tissue, plane: &Plane, scratch: &mut CutScratch) -> Vec<Tiss
     }
     assert_eq!((caps.unclosed_edges, caps.triangulation.repeated_edges), (0, 0));
     let parts = tissue.component_faces();
-    tissue.sever(&parts[1..])
+    tissue.sever(&parts[1..]).into_iter().map(|piece| *piece).collect()
 }
 
 fn volume(tissue: &Tissue) -> f64 {

@@ -113,18 +113,6 @@ impl<T: Copy + Pod> SlotCsr<T> {
         Self { spans: spans.into(), entries: entries.into() }
     }
 
-    /// From rows that are iterators.
-    pub fn from_iters<R: IntoIterator<Item = T>>(rows: impl Iterator<Item = R>) -> Self {
-        let mut spans = Vec::with_capacity(rows.size_hint().0);
-        let mut entries = Vec::new();
-        for row in rows {
-            let start = entries.len();
-            entries.extend(row);
-            spans.push(Span { start: start as u32, len: (entries.len() - start) as u32 });
-        }
-        Self { spans: spans.into(), entries: entries.into() }
-    }
-
     /// Copies of some rows in order (`None`: an empty one), each entry as `copied` makes it. Rows that follow one another in
     /// the arena are copied as one.
     pub fn gather(&self, rows: impl Iterator<Item = Option<usize>> + Clone, copied: impl Fn(&T) -> T) -> Self {
@@ -150,6 +138,18 @@ impl<T: Copy + Pod> SlotCsr<T> {
                 }
             }
             entries.extend(self.entries[run].iter().map(&copied));
+        }
+        Self { spans: spans.into(), entries: entries.into() }
+    }
+
+    /// Copies of some rows in order, of the entries that `copied` makes one of.
+    pub fn gather_some(&self, rows: impl Iterator<Item = usize> + Clone, copied: impl Fn(&T) -> Option<T>) -> Self {
+        let mut spans = Vec::with_capacity(rows.size_hint().0);
+        let mut entries = Vec::with_capacity(rows.clone().map(|row| self.spans[row].len as usize).sum());
+        for row in rows {
+            let start = entries.len();
+            entries.extend(self.row(row).iter().filter_map(&copied));
+            spans.push(Span { start: start as u32, len: (entries.len() - start) as u32 });
         }
         Self { spans: spans.into(), entries: entries.into() }
     }
@@ -282,12 +282,14 @@ mod tests {
 
     #[test]
     fn rows_are_gathered_and_cleared() {
-        let mut csr = SlotCsr::from_iters([vec![1u32], vec![], vec![2, 3], vec![4], vec![5, 6]].into_iter());
+        let mut csr = SlotCsr::from_rows([&[1u32][..], &[], &[2, 3], &[4], &[5, 6]]);
         csr.set_row(1, &[7, 8]);
         let picked = csr.gather([Some(0), None, Some(2), Some(3), Some(1), Some(4)].into_iter(), |x| x + 10);
         let rows: Vec<&[u32]> = (0..6).map(|r| picked.row(r)).collect();
         assert_eq!(rows, [&[11][..], &[], &[12, 13], &[14], &[17, 18], &[15, 16]]);
         assert_eq!(picked.arena(), [11, 12, 13, 14, 17, 18, 15, 16]);
+        let even = csr.gather_some([4, 1, 0].into_iter(), |x| (x % 2 == 0).then_some(x / 2));
+        assert_eq!((even.rows(), even.row(0), even.row(1), even.row(2)), (3, &[3][..], &[4][..], &[][..]));
         csr.take_delta();
         csr.clear_rows([1, 2].into_iter());
         assert_eq!((csr.row(1), csr.row(2), csr.row(3), csr.len()), (&[][..], &[][..], &[4][..], 4));

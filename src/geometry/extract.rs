@@ -167,7 +167,7 @@ impl Mesh {
     }
 
     /// Removes whole components: `faces` (live, each once), and `vertices`, which are theirs alone; with a face of a section that
-    /// `is_whole` (known to be connected in itself) all of it goes. Opposites and links of the dead slots stay as they are:
+    /// `is_whole` (known to be connected in itself) all of it goes. Wedges, opposites and links of the dead slots stay as they are:
     /// whoever takes a slot writes them anew.
     pub fn remove_components(
         &mut self,
@@ -180,7 +180,6 @@ impl Mesh {
             let across = self.opposite[f.index()].into_iter().filter(|h| h.is_some());
             across.into_iter().all(|h| !self.is_live(h.face()))
         }));
-        self.face_wedges.update(faces.iter().map(|f| f.index()), |wedges| [wedges[0]; 3]);
         self.free_faces.extend(faces);
         self.vertex_half_edge.update(vertices.map(VertexId::index), |_| HalfEdge::NONE);
         let is_whole: Vec<bool> = (0..self.sections()).map(|s| is_whole(SectionId::new(s))).collect();

@@ -334,9 +334,7 @@ impl Mesh {
 
     fn kill_face(&mut self, f: FaceId) {
         self.unlink_section(f);
-        let wedges = self.face_wedges[f.index()];
         self.faces.set(f.index(), [VertexId::NONE; 3]);
-        self.face_wedges.set(f.index(), [wedges[0]; 3]);
         self.opposite.set(f.index(), [HalfEdge::NONE; 3]);
         self.free_faces.push(f);
     }

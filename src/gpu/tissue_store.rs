@@ -12,7 +12,7 @@ use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, Tissue
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
 use super::views::ViewPose;
 use crate::geometry::room::fit;
-use crate::geometry::{Turn, VertexId};
+use crate::geometry::{FaceId, Turn, VertexId};
 use crate::rig::{FADE_BLOCK, JointMatrix};
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
@@ -570,8 +570,11 @@ fn vertex_record(view: &TissueView<'_>, v: usize) -> VertexRecord {
 fn face_record(view: &TissueView<'_>, f: usize, tissue: u32) -> FaceRecord {
     let info = view.mesh.all_face_infos()[f];
     let wall = info.is_interior();
+    let [a, b, c] = view.mesh.all_face_wedges()[f].map(|w| w.0);
+    let is_live = view.mesh.is_live(FaceId::new(f));
     FaceRecord {
-        wedges: view.mesh.all_face_wedges()[f].map(|w| w.0),
+        // dead faces are drawn as points
+        wedges: if is_live { [a, b, c] } else { [a; 3] },
         draw: info.material.min(0xffff) | tissue << 16 | u32::from(wall) << 31,
         opposites: view.mesh.all_opposites()[f].map(|h| h.0),
         section: info.section.0,

@@ -207,6 +207,7 @@ impl DirtyRanges {
         note(&mut self.bones, &rows.bones.entries);
         note(&mut self.rows, &rows.rows.entries);
         note(&mut self.influences, &map.influences.entries);
+        note(&mut self.faces, &mesh.faces);
         note(&mut self.faces, &mesh.face_wedges);
         note(&mut self.faces, &mesh.opposite);
         note(&mut self.faces, &mesh.face_info);

@@ -7,7 +7,7 @@
 use super::build::nearest_connected;
 use super::particle_map::{Influence, Link, ParticleMap};
 use super::strips::Strips;
-use crate::geometry::{Mesh, ParticleId, SlotCsr, VertexId};
+use crate::geometry::{Mesh, ParticleId, VertexId};
 use glam::DVec3;
 
 /// Where particles have listed fewer vertices than a fourth of all, those are looked at, else all.
@@ -65,15 +65,14 @@ impl ParticleMap {
             new_particle[old.index()] = ParticleId::new(new);
         }
         let renamed = |e: &Influence| Influence { particle: new_particle[e.particle.index()], ..*e };
-        let links = |j: &ParticleId| {
-            let row = self.neighbours.row(j.index()).iter();
-            let link = |l: &Link| Link { particle: new_particle[l.particle.index()], ..*l };
-            row.map(link).filter(|l| l.particle.is_some())
+        let link = |l: &Link| {
+            let particle = new_particle[l.particle.index()];
+            particle.is_some().then_some(Link { particle, ..*l })
         };
         let mut map = Self {
             rest_displacement: particles.iter().map(|j| self.rest_displacement[j.index()]).collect::<Vec<_>>().into(),
             influences: self.influences.gather(held, renamed),
-            neighbours: SlotCsr::from_iters(particles.iter().map(links)),
+            neighbours: self.neighbours.gather_some(particles.iter().map(|j| j.index()), link),
             anchors: particles.iter().map(|j| anchors[j.index()]).collect::<Vec<_>>().into(),
             mean_link: self.mean_link,
         };
@@ -163,8 +162,10 @@ impl ParticleMap {
         if !away.contains(&true) {
             return Vec::new();
         }
-        let mut nearest = vec![(f64::INFINITY, VertexId::NONE); self.len()];
-        let (spans, arena, anchors) = (self.influences.spans(), self.influences.arena(), &self.anchors[..]);
+        // where those away are, and the nearest yet
+        let stand = |j: usize| if away[j] { rest[self.anchors[j].index()] } else { DVec3::ZERO };
+        let mut nearest: Vec<_> = (0..self.len()).map(|j| (stand(j), f64::INFINITY, VertexId::NONE)).collect();
+        let (spans, arena) = (self.influences.spans(), self.influences.arena());
         for v in vertices {
             let span = spans[v.index()];
             let row = &arena[span.start as usize..(span.start + span.len) as usize];
@@ -172,17 +173,17 @@ impl ParticleMap {
             if !row.iter().fold(false, |any, e| any | away[e.particle.index()]) {
                 continue;
             }
-            for j in row.iter().map(|e| e.particle.index()) {
-                if away[j] {
-                    let distance = rest[anchors[j].index()].distance_squared(rest[v.index()]);
-                    if distance < nearest[j].0 {
-                        nearest[j] = (distance, v);
-                    }
+            let p = rest[v.index()];
+            for j in row.iter().map(|e| e.particle.index()).filter(|&j| away[j]) {
+                let (at, least, best) = &mut nearest[j];
+                let distance = at.distance_squared(p);
+                if distance < *least {
+                    (*least, *best) = (distance, v);
                 }
             }
         }
-        let found = nearest.into_iter().enumerate().filter(|(_, best)| best.1.is_some());
-        found.map(|(j, best)| (ParticleId::new(j), best.1)).collect()
+        let found = nearest.into_iter().enumerate().filter(|(_, (.., best))| best.is_some());
+        found.map(|(j, (.., best))| (ParticleId::new(j), best)).collect()
     }
 
     /// Drops the springs that are `lost`, which is asked with the lower end first.
@@ -190,12 +191,14 @@ impl ParticleMap {
         let mut kept: Vec<Link> = Vec::new();
         for j in (0..self.len()).map(ParticleId::new) {
             let row = self.neighbours.row(j.index());
-            kept.clear();
-            kept.extend(row.iter().filter(|l| !lost(j.min(l.particle), j.max(l.particle))));
-            if kept.len() < row.len() {
-                self.neighbours.set_row(j.index(), &kept);
-                changed.push(j);
+            let stays = |l: &&Link| !lost(j.min(l.particle), j.max(l.particle));
+            if row.iter().all(|l| stays(&l)) {
+                continue;
             }
+            kept.clear();
+            kept.extend(row.iter().filter(stays));
+            self.neighbours.set_row(j.index(), &kept);
+            changed.push(j);
         }
     }
 

@@ -153,29 +153,37 @@ impl Matrix {
         self.high = rate * (1.0 + 2.0 * reach);
     }
 
-    /// An empty matrix with room for so many rows like these.
+    /// An empty matrix of the same rate with room for so many rows like these.
     pub fn room_like(&self, rows: usize) -> Self {
         let blocks = self.blocks.len() * rows / self.heads.len().max(1);
-        Self { heads: Vec::with_capacity(rows), blocks: Vec::with_capacity(blocks), ..Self::default() }
+        let (heads, blocks) = (Vec::with_capacity(rows), Vec::with_capacity(blocks));
+        Self { heads, blocks, rate: self.rate, reach: Some(0.0), ..Self::default() }
     }
 
-    /// Appends a row with springs (`(column, spring)`); columns may be rows to come. To be closed by [`Self::set_stiffness`].
-    pub fn push_row(&mut self, springs: impl Iterator<Item = (u32, f32)>) {
+    /// Appends a row with springs (`(column, spring)`); columns may be rows to come. To be closed by [`Self::settle_rows`].
+    pub fn push_row(&mut self, springs: impl Iterator<Item = (u32, f32)>, coupling: f64, mass: f64) {
         self.width = None;
         let (row, start) = (self.heads.len() as u32, self.blocks.len() as u32);
-        let mut filled = 0;
+        let empty = Block { columns: [row; BLOCK], springs: [0.0; BLOCK] };
+        let (mut block, mut filled, mut sum) = (empty, 0, 0.0);
         for (column, spring) in springs {
-            let k = filled % BLOCK;
-            if k == 0 {
-                self.blocks.push(Block { columns: [row; BLOCK], springs: [0.0; BLOCK] });
+            if filled == BLOCK {
+                self.blocks.push(block);
+                self.entries += BLOCK;
+                (block, filled) = (empty, 0);
             }
-            if let Some(block) = self.blocks.last_mut() {
-                (block.columns[k], block.springs[k]) = (column, f64::from(spring));
-            }
+            let spring = f64::from(spring);
+            (block.columns[filled], block.springs[filled]) = (column, spring);
             filled += 1;
+            sum += spring;
         }
-        self.entries += filled;
-        self.heads.push(Head { start, end: self.blocks.len() as u32, ..Head::default() });
+        if filled > 0 {
+            self.blocks.push(block);
+            self.entries += filled;
+        }
+        let gain = coupling / mass;
+        self.reach = self.reach.map(|reach| reach.max(gain * sum));
+        self.heads.push(Head { start, end: self.blocks.len() as u32, diagonal: 1.0 + gain * sum, gain });
     }
 
     /// Appends a row without springs.
@@ -221,7 +229,7 @@ impl Matrix {
         };
     }
 
-    /// Brings the spectrum's bound up to date after [`Self::replace_row`], and closes holes once they are half of all blocks.
+    /// Brings the spectrum's bound up to date after [`Self::push_row`] or [`Self::replace_row`], and closes holes once they are half of all blocks.
     pub fn settle_rows(&mut self) {
         let reach = self.reach.unwrap_or_else(|| self.heads.iter().map(|h| h.diagonal - 1.0).fold(0.0, f64::max));
         self.reach = Some(reach);

@@ -82,14 +82,15 @@ impl Network {
         let mass = |row: &u32| self.masses.get(*row as usize).copied().unwrap_or(1.0);
         let masses: Vec<f64> = old_rows.iter().map(mass).collect();
         let mut matrix = self.matrix.room_like(n);
-        for (at, new) in order.iter().enumerate() {
+        for (new, mass) in order.iter().zip(&masses) {
             let springs = row(*new as usize).into_iter().filter(|spring| sound(*new, spring));
-            matrix.push_row(springs.map(|(other, weight)| {
+            let springs = springs.map(|(other, weight)| {
                 let other = row_of[other as usize];
-                (other, (f64::from(weight) * (0.5 * (masses[at] + masses[other as usize]))) as f32)
-            }));
+                (other, (f64::from(weight) * (0.5 * (mass + masses[other as usize]))) as f32)
+            });
+            matrix.push_row(springs, self.settings.coupling, *mass);
         }
-        matrix.set_stiffness(self.settings.anchor_rate(), self.settings.coupling, masses.iter().copied());
+        matrix.settle_rows();
         let renamed = |row: u32| row_of.get(new_of[self.order[row as usize] as usize] as usize).copied();
         let mut subset = Self {
             settings: self.settings,

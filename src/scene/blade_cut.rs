@@ -39,7 +39,7 @@ impl Scene {
 
     /// Brings what [`Scene::first_touch`] looks by to the current poses.
     pub fn refresh_sections(&mut self) {
-        self.tissues.values_mut().for_each(crate::tissue::Tissue::refresh_sections);
+        self.tissues.values_mut().for_each(|tissue| tissue.refresh_sections());
     }
 
     /// Where a blade (model space) meets the first tissue on its way from its base to its tip. Call [`Scene::refresh_sections`]

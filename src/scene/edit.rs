@@ -381,9 +381,9 @@ impl Scene {
         let pieces = report.stages.time("pieces", || tissue.sever(&parts));
         report.stages.time("history", || note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas));
         if self.measuring {
-            report.bytes_uploaded += report
-                .measuring
-                .time("bytes", || upload_bytes(&deltas[known..]) + pieces.iter().map(Tissue::full_upload_bytes).sum::<usize>());
+            report.bytes_uploaded += report.measuring.time("bytes", || {
+                upload_bytes(&deltas[known..]) + pieces.iter().map(|piece| piece.full_upload_bytes()).sum::<usize>()
+            });
         }
         unit.changes.push(Change::Edited(id, deltas));
         for piece in pieces {
@@ -403,7 +403,7 @@ impl Scene {
         let (mut measuring, measured) = (std::mem::take(&mut report.measuring), self.measuring);
         measuring.time("after", || {
             let sides = if sides.is_empty() { self.tissues.keys().map(|&id| (id, 0)).collect() } else { sides };
-            report.max_row_entries = self.tissues.values().map(Tissue::longest_row).max().unwrap_or(0);
+            report.max_row_entries = self.tissues.values().map(|tissue| tissue.longest_row()).max().unwrap_or(0);
             let tissues = &mut self.tissues;
             let sums: BTreeMap<TissueId, Sums> = tissues.iter_mut().map(|(&id, tissue)| (id, tissue.sums_if(measured))).collect();
             report.vertices = sums.values().map(|s| s.vertices).sum();

@@ -100,13 +100,13 @@ impl Scene {
                 }
                 Change::Made(id, Some(tissue)) => {
                     bytes += tissue.full_upload_bytes();
-                    self.tissues.insert(id, *tissue);
+                    self.tissues.insert(id, tissue);
                     back.push(id);
                     Change::Made(id, None)
                 }
                 Change::Made(id, None) => {
                     gone.push(id);
-                    Change::Made(id, self.tissues.remove(&id).map(Box::new))
+                    Change::Made(id, self.tissues.remove(&id))
                 }
             });
         }

@@ -41,7 +41,7 @@ pub struct SceneSettings {
 
 /// Tissues and their history. Positions are in model space, where each tissue stands by its frame.
 pub struct Scene {
-    tissues: BTreeMap<TissueId, Tissue>,
+    tissues: BTreeMap<TissueId, Box<Tissue>>,
     next_id: u32,
     history: History,
     strokes: Vec<edit::StrokeOf>,
@@ -72,7 +72,7 @@ impl Scene {
         let first = TissueId(0);
         Self {
             spare_strokes: edit::StrokeOf::spares(first, &tissue, sampling),
-            tissues: BTreeMap::from([(first, tissue)]),
+            tissues: BTreeMap::from([(first, Box::new(tissue))]),
             next_id: 1,
             history: History::default(),
             strokes: Vec::new(),
@@ -92,17 +92,17 @@ impl Scene {
 
     /// Tissues, by id.
     pub fn tissues(&self) -> impl Iterator<Item = (TissueId, &Tissue)> {
-        self.tissues.iter().map(|(id, t)| (*id, t))
+        self.tissues.iter().map(|(id, t)| (*id, &**t))
     }
 
     /// One tissue.
     pub fn tissue(&self, id: TissueId) -> Option<&Tissue> {
-        self.tissues.get(&id)
+        self.tissues.get(&id).map(|tissue| &**tissue)
     }
 
     /// One tissue, to change.
     pub fn tissue_mut(&mut self, id: TissueId) -> Option<&mut Tissue> {
-        self.tissues.get_mut(&id)
+        self.tissues.get_mut(&id).map(|tissue| &mut **tissue)
     }
 
     /// Starts keeping the deltas of every edit for [`Scene::take_changes`]: for those who mirror the scene.
@@ -176,7 +176,7 @@ impl Scene {
     /// True if nothing moves but, maybe, the pose.
     pub fn is_asleep(&self) -> bool {
         let tools_rest = self.strokes.is_empty() && self.grabs.is_empty();
-        tools_rest && self.rigid_rests() && self.tissues.values().all(Tissue::is_asleep)
+        tools_rest && self.rigid_rests() && self.tissues.values().all(|tissue| tissue.is_asleep())
     }
 
     /// Hash of everything that edits change, over all tissues; undo restores it exactly.

@@ -172,7 +172,7 @@ impl Rigid {
     }
 
     /// Makes what loose pieces may lie on: what stays of the model. Nothing while none is loose.
-    fn make_stands(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
+    fn make_stands(&mut self, tissues: &BTreeMap<TissueId, Box<Tissue>>) {
         for hull in std::mem::take(&mut self.stands).into_values() {
             self.world.remove(hull.body);
         }
@@ -195,7 +195,7 @@ impl Rigid {
     }
 
     /// Brings hulls to what is seen.
-    fn sync_hulls(&mut self, tissues: &BTreeMap<TissueId, Tissue>) {
+    fn sync_hulls(&mut self, tissues: &BTreeMap<TissueId, Box<Tissue>>) {
         if std::mem::take(&mut self.stands_due) {
             self.make_stands(tissues);
         }
@@ -339,7 +339,7 @@ impl Scene {
     /// The piece that stays: by the root if that is what holds, then by area, the first among equals.
     fn fixed_among(&self, pieces: &[TissueId]) -> Option<TissueId> {
         let by_root = self.rigid.settings.fixed == Fixed::Root;
-        let root = |id: &TissueId| self.tissues.get(id).filter(|_| by_root).map_or(0.0, Tissue::root_weight);
+        let root = |id: &TissueId| self.tissues.get(id).filter(|_| by_root).map_or(0.0, |tissue| tissue.root_weight());
         let roots: Vec<f64> = pieces.iter().map(root).collect();
         let most = roots.iter().copied().fold(0.0, f64::max);
         let best: Vec<TissueId> = pieces.iter().zip(&roots).filter(|(_, root)| **root == most).map(|(id, _)| *id).collect();
@@ -376,7 +376,7 @@ impl Scene {
             }
         }
         for (parent, made) in by_parent {
-            let frame = self.tissues.get(&parent).map(Tissue::frame);
+            let frame = self.tissues.get(&parent).map(|tissue| tissue.frame());
             for id in &made {
                 if let (Some(tissue), Some(frame)) = (self.tissues.get_mut(id), frame) {
                     tissue.set_frame(frame);

@@ -21,7 +21,8 @@ impl TissueDelta {
         let Self { mesh, rows, map, .. } = self;
         let spans = rows.rows.spans.written().chain(rows.bones.spans.written()).chain(map.influences.spans.written());
         let vertices = distinct.count(mesh.vertex_half_edge.written().chain(rows.rest_position.written()).chain(spans));
-        let faces = distinct.count(mesh.face_wedges.written().chain(mesh.opposite.written()).chain(mesh.face_info.written()));
+        let corners = mesh.faces.written().chain(mesh.face_wedges.written());
+        let faces = distinct.count(corners.chain(mesh.opposite.written()).chain(mesh.face_info.written()));
         vertices * VERTEX_BYTES
             + faces * FACE_BYTES
             + mesh.wedges.dirty_bytes(distinct)

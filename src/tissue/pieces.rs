@@ -28,7 +28,7 @@ impl Tissue {
     /// Moves each of `parts` (one or more whole components, faces ascending) into a tissue of its own, with the particles that
     /// hold its vertices; particles that hold vertices on both sides go on in both. Every vertex stays where it is: what moved
     /// it and no longer does fades out (MATHS 2.2).
-    pub fn sever(&mut self, parts: &[Vec<FaceId>]) -> Vec<Tissue> {
+    pub fn sever(&mut self, parts: &[Vec<FaceId>]) -> Vec<Box<Tissue>> {
         self.note_edits();
         let mut map = std::mem::take(&mut self.scratch.extraction);
         let mut gone = Vec::new();
@@ -80,10 +80,10 @@ impl Tissue {
     }
 
     /// A tissue of `faces`. They stay here as well.
-    fn extract(&self, faces: &[FaceId], map: &mut Extraction) -> Tissue {
+    fn extract(&self, faces: &[FaceId], map: &mut Extraction) -> Box<Tissue> {
         let rows = &self.rows;
         let mesh = self.mesh.extract(faces, |v| rows.rows.row(v.index()).iter().map(|e| e.base), map);
-        let mut piece = Tissue {
+        let mut piece = Box::new(Tissue {
             name: self.name.clone(),
             mesh,
             rows: extract_rows(rows, map),
@@ -99,7 +99,7 @@ impl Tissue {
             tally: self.tally.extract(map, self.position_key()),
             forces: self.forces.fresh(),
             ..*self
-        };
+        });
         if piece.mesh.sections() > SPARSE * (1 + faces.len() / self.section_faces.max(1)) {
             piece.build_sections();
             piece.tally = Default::default();
