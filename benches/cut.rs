@@ -2,12 +2,13 @@
 //! particle map included. Medians, milliseconds; beside it parry3d's split on the same triangles.
 //!
 //! `cargo bench --bench cut [-- MOST_FACES [LEAST_FACES]]`
-//! `cargo bench --bench cut -- --export FOLDER` writes the models for other libraries' programs instead: `benches/peers/run`.
+//! `cargo bench --bench cut -- --export FOLDER [MOST_FACES [LEAST_FACES]]` writes the models for other libraries' programs instead: `benches/peers/run`.
+
+mod support;
 
 use glam::DVec3;
 use incise::diagnostics::Stages;
-use incise::formats;
-use incise::geometry::{Plane, VertexId};
+use incise::geometry::Plane;
 use incise::particles::ParticleSettings;
 use incise::physics::NetworkSettings;
 use incise::scene::{EditCommand, Scene, SceneSettings};
@@ -15,7 +16,9 @@ use incise::surgery::SamplingSettings;
 use incise::tissue::edit::CutScratch;
 use incise::tissue::{Tissue, TissueSettings};
 use parry3d::shape::TriMesh;
+use std::path::Path;
 use std::time::Instant;
+use support::{bundled, soup, write_soup};
 
 fn median(mut times: Vec<f64>) -> f64 {
     times.sort_by(f64::total_cmp);
@@ -29,11 +32,7 @@ fn ms(work: impl FnOnce()) -> f64 {
 }
 
 fn tissue(faces: usize, particles: bool) -> Tissue {
-    let folder = std::env::temp_dir().join(format!("incise-cut-{}-{faces}.glb", std::process::id()));
-    std::fs::write(&folder, formats::generate("sphere", Some(faces)).expect("a bundled model")).expect("a temporary file");
-    let model = formats::load(&folder.to_string_lossy()).expect("a written model");
-    std::fs::remove_file(&folder).ok();
-    let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
+    let (model, rest) = bundled("sphere", faces);
     let settings = TissueSettings {
         particles: particles.then(|| ParticleSettings::for_model(&model.mesh, &rest)),
         network: NetworkSettings::SOFT,
@@ -54,27 +53,18 @@ fn report(name: &str, faces: usize, times: Vec<f64>, stages: &[Stages]) {
 
 const SIZES: [usize; 5] = [768, 5_000, 18_000, 100_000, 1_000_000];
 
-fn export(folder: &str) -> std::io::Result<()> {
-    std::fs::create_dir_all(folder)?;
-    for faces in SIZES {
-        let (points, triangles) = soup(&tissue(faces, false));
-        let mut text = String::new();
-        points.iter().for_each(|p| text += &format!("v {} {} {}\n", p.x, p.y, p.z));
-        triangles.iter().for_each(|f| text += &format!("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1));
-        std::fs::write(format!("{folder}/cut-{faces}.obj"), text)?;
-    }
-    Ok(())
-}
-
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    if let Some(folder) = arguments.iter().position(|a| a == "--export").and_then(|i| arguments.get(i + 1)) {
-        export(folder).expect("room for the files");
-        return;
-    }
-    let mut sizes = std::env::args().filter_map(|a| a.parse().ok());
-    let (most, least) = (sizes.next().unwrap_or(1_000_000usize), sizes.next().unwrap_or(0));
+    let arguments: Vec<String> = std::env::args().skip(1).filter(|a| a != "--bench").collect();
+    let numbers: Vec<usize> = arguments.iter().filter_map(|a| a.parse().ok()).collect();
+    let (most, least) = (numbers.first().copied().unwrap_or(usize::MAX), numbers.get(1).copied().unwrap_or(0));
+    let folder = arguments.iter().position(|a| a == "--export").and_then(|i| arguments.get(i + 1));
     for faces in SIZES.into_iter().filter(|f| (least..=most).contains(f)) {
+        if let Some(folder) = folder {
+            std::fs::create_dir_all(folder).expect("a folder to write to");
+            let path = Path::new(folder).join(format!("cut-{faces}.obj"));
+            write_soup(&path, &soup(&tissue(faces, false))).expect("room for the file");
+            continue;
+        }
         let rounds = (200_000 / faces).clamp(5, 41);
         for particles in [false, true] {
             let mut subject = tissue(faces, particles);
@@ -119,12 +109,6 @@ fn main() {
         }
         peers(faces, rounds);
     }
-}
-
-/// Positions and triangles.
-fn soup(subject: &Tissue) -> (Vec<DVec3>, Vec<[u32; 3]>) {
-    let points = (0..subject.mesh().vertex_slots()).map(|v| subject.position(VertexId::new(v))).collect();
-    (points, subject.mesh().live_faces().map(|f| subject.mesh().face(f).map(|v| v.0)).collect())
 }
 
 fn peers(faces: usize, rounds: usize) {

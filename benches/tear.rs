@@ -2,14 +2,14 @@
 //! differences of the same boxes. Prints medians and 99th percentiles over the segments of one stroke.
 //!
 //! `cargo bench --bench tear` runs everything; `cargo bench --bench tear -- heart` only the cases whose name has `heart` in it.
-//! `cargo bench --bench tear -- --export FOLDER` writes the models and boxes for other libraries' programs instead.
+//! `cargo bench --bench tear -- --export FOLDER [MOST_FACES]` writes the models and boxes for other libraries' programs instead.
 //!
 //! *Scaled*: width, depth and sample distance shrink with the model's edges, so that a segment crosses as many faces as at
 //! 18k. *Unscaled*: they stay, so it crosses more.
 
+mod support;
+
 use glam::DVec3;
-use incise::formats::{generate, load};
-use incise::geometry::VertexId;
 use incise::particles::ParticleSettings;
 use incise::physics::NetworkSettings;
 use incise::surgery::{BladePose, SamplingSettings, TearBox, WallMode, write_boxes};
@@ -17,6 +17,7 @@ use incise::tissue::stroke::{SegmentReport, TearStroke};
 use incise::tissue::{Tissue, TissueSettings};
 use std::path::Path;
 use std::time::Instant;
+use support::{bundled, soup, write_soup};
 
 /// The five rows, in the paper's order.
 const ROWS: [&str; 5] = ["perform_tear", "bind", "disconnect_particles", "update_particles", "update_mesh"];
@@ -58,11 +59,7 @@ fn cases() -> Vec<Case> {
 }
 
 fn build(case: &Case) -> Tissue {
-    let bytes = generate(case.model, Some(case.faces)).expect("a bundled name");
-    let file = tempfile::Builder::new().suffix(".glb").tempfile().expect("a temporary file");
-    std::fs::write(file.path(), bytes).expect("room for the model");
-    let model = load(&file.path().to_string_lossy()).expect("a sound model");
-    let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
+    let (model, rest) = bundled(case.model, case.faces);
     let settings = TissueSettings {
         particles: Some(ParticleSettings::for_count(&model.mesh, &rest, particles(case))),
         network: NetworkSettings::SOFT,
@@ -138,17 +135,12 @@ fn tear(tissue: &mut Tissue, case: &Case, poses: &[BladePose]) -> (Vec<SegmentRe
     (reports, stroke.boxes().to_vec(), pushes)
 }
 
-/// Triangles of the tissue as loaded.
-fn soup(tissue: &Tissue) -> (Vec<f64>, Vec<usize>) {
-    let mesh = tissue.mesh();
-    let positions = (0..mesh.vertex_slots()).flat_map(|v| tissue.position(VertexId::new(v)).to_array()).collect();
-    (positions, mesh.live_faces().flat_map(|f| mesh.face(f).map(VertexId::index)).collect())
-}
-
 /// Milliseconds of each difference of the result so far and the next box, with a port of manifold, one core.
-fn booleans((positions, indices): &(Vec<f64>, Vec<usize>), boxes: &[TearBox]) -> Vec<f64> {
+fn booleans((points, triangles): &(Vec<DVec3>, Vec<[u32; 3]>), boxes: &[TearBox]) -> Vec<f64> {
     use boolmesh::prelude::{Manifold, OpType, compute_boolean};
-    let Ok(mut whole) = Manifold::<f64>::new(positions, indices) else { return Vec::new() };
+    let positions: Vec<f64> = points.iter().flat_map(|p| p.to_array()).collect();
+    let indices: Vec<usize> = triangles.iter().flatten().map(|&v| v as usize).collect();
+    let Ok(mut whole) = Manifold::<f64>::new(&positions, &indices) else { return Vec::new() };
     let mut times = Vec::new();
     for tear_box in boxes {
         let corners: Vec<f64> = tear_box.corners().iter().flat_map(|c| c.to_array()).collect();
@@ -203,16 +195,8 @@ fn run(case: &Case) {
 /// Writes each model as loaded and its boxes, as OBJ, for other libraries.
 fn export(case: &Case, folder: &Path) -> std::io::Result<()> {
     let mut tissue = build(case);
-    let (positions, indices) = soup(&tissue);
-    let mut text = String::new();
-    for p in positions.chunks(3) {
-        text += &format!("v {} {} {}\n", p[0], p[1], p[2]);
-    }
-    for f in indices.chunks(3) {
-        text += &format!("f {} {} {}\n", f[0] + 1, f[1] + 1, f[2] + 1);
-    }
     let stem = case.name.replace(' ', "-");
-    std::fs::write(folder.join(format!("{stem}.obj")), text)?;
+    write_soup(&folder.join(format!("{stem}.obj")), &soup(&tissue))?;
     let poses = path(&tissue, case);
     let (_, boxes, _) = tear(&mut tissue, case, &poses[..poses.len().min(22)]);
     let mut bytes = Vec::new();
@@ -229,7 +213,8 @@ fn main() {
     let folder = arguments.iter().position(|a| a == "--export").and_then(|i| arguments.get(i + 1));
     if let Some(folder) = folder {
         std::fs::create_dir_all(folder).expect("a folder to write to");
-        for case in cases().iter().filter(|c| c.booleans > 0) {
+        let most = arguments.iter().find_map(|a| a.parse().ok()).unwrap_or(usize::MAX);
+        for case in cases().iter().filter(|c| c.booleans > 0 && c.faces <= most) {
             export(case, Path::new(folder)).expect("room for the files");
         }
         return;

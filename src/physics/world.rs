@@ -77,8 +77,10 @@ pub(super) struct Body {
     pub fresh: bool,
     /// Whether soft layers feel it.
     soft: bool,
-    /// Where it was when it was last seen to get anywhere, and for how long it has not since then, s.
-    still: (RigidPose, f64),
+    /// Where it was when it was last seen to get anywhere.
+    still_at: RigidPose,
+    /// For how long it has not since then, s.
+    still_s: f64,
 }
 
 /// Bodies, their poses, and rapier.
@@ -115,7 +117,7 @@ impl RigidWorld {
 
     /// What loose bodies lie on is about to change: none is about to lie still.
     fn stir(&mut self) {
-        self.bodies.values_mut().for_each(|b| b.still.1 = 0.0);
+        self.bodies.values_mut().for_each(|b| b.still_s = 0.0);
     }
 
     fn insert(&mut self, body: Body) -> BodyId {
@@ -413,7 +415,7 @@ impl RigidWorld {
             let change = (body.push.force - body.felt).length();
             body.felt = body.push.force;
             if let Some(handle) = body.handle.filter(|_| change > 1e-3 * GRAVITY * body.mass) {
-                body.still.1 = 0.0;
+                body.still_s = 0.0;
                 self.world.wake_up(handle, true);
             }
         }
@@ -430,7 +432,7 @@ impl RigidWorld {
         for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
             let (at, radius) = reach(body);
             if let Some(handle) = body.handle.filter(|_| driven.iter().any(|(d, r)| d.distance(at) < radius + r)) {
-                body.still.1 = 0.0;
+                body.still_s = 0.0;
                 self.world.wake_up(handle, true);
             }
         }
@@ -460,23 +462,23 @@ impl RigidWorld {
 impl Body {
     fn new(handle: Option<RigidBodyHandle>, solid: Solid, pose: RigidPose, mass: f64) -> Self {
         let (push, felt) = (Push::default(), DVec3::ZERO);
-        Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh: true, soft: true, still: (pose, 0.0) }
+        let (fresh, soft, still_at, still_s) = (true, true, pose, 0.0);
+        Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh, soft, still_at, still_s }
     }
 
     /// Damps a body that gets nowhere, and lets it sleep in the end.
     fn calm(&mut self, rigid: &mut RigidBody, h: f64) {
         let (middle, radius) = self.solid.ball();
-        let (from, still_s) = &mut self.still;
-        let turned = radius * self.now.rotation.angle_between(from.rotation);
-        if self.now.point(middle).distance(from.point(middle)) + turned > STILL * radius {
-            self.still = (self.now, 0.0);
+        let turned = radius * self.now.rotation.angle_between(self.still_at.rotation);
+        if self.now.point(middle).distance(self.still_at.point(middle)) + turned > STILL * radius {
+            (self.still_at, self.still_s) = (self.now, 0.0);
         } else {
-            *still_s += h;
+            self.still_s += h;
         }
-        let factor = (1.0 + CALMING * (self.still.1 - 1.0).max(0.0)) as f32;
+        let factor = (1.0 + CALMING * (self.still_s - 1.0).max(0.0)) as f32;
         rigid.set_linear_damping(DAMPING[0] * factor);
         rigid.set_angular_damping(DAMPING[1] * factor);
-        if self.still.1 > STILL_S {
+        if self.still_s > STILL_S {
             rigid.sleep();
         }
     }
