@@ -6,6 +6,9 @@ use super::fx::FxHashMap;
 use super::ids::{FaceId, HalfEdge, SectionId};
 use super::mesh::{Mesh, MeshDelta};
 
+/// In place of the piece of a face that is in none yet.
+const UNSORTED: u32 = u32::MAX;
+
 /// What is known of a section.
 #[derive(Clone, Debug, Default)]
 struct Facts {
@@ -43,13 +46,11 @@ pub struct SectionGraph {
     facts: Vec<Facts>,
     /// Sections whose faces have changed since their facts were gathered.
     stale: Vec<bool>,
-    /// The search that last met a face, and the face's place in it.
+    /// The search that last listed a face, and the face's place in it or the piece it was sorted into.
     slots: Vec<[u32; 2]>,
     search: u32,
     loose: Vec<FaceId>,
-    /// Piece of each loose face.
-    label: Vec<u32>,
-    stack: Vec<u32>,
+    stack: Vec<FaceId>,
     parent: Vec<u32>,
     part_of: Vec<u32>,
     /// The components, while nothing has changed since they were looked for.
@@ -277,36 +278,36 @@ impl SectionGraph {
     /// Sorts the loose faces into pieces, nodes behind those of the sections, and joins each to the whole sections it touches.
     fn flood_loose(&mut self, mesh: &Mesh) {
         let sections = mesh.sections() as u32;
-        let Self { slots, search, loose, label, stack, parent, .. } = self;
+        let Self { slots, search, loose, stack, parent, .. } = self;
+        let (slots, search, opposites) = (&mut slots[..], *search, mesh.all_opposites());
         parent.clear();
         parent.extend(0..sections);
-        label.clear();
-        label.resize(loose.len(), u32::MAX);
-        for seed in 0..loose.len() {
-            if label[seed] != u32::MAX {
+        loose.iter().for_each(|f| slots[f.index()][1] = UNSORTED);
+        for &seed in loose.iter() {
+            if slots[seed.index()][1] != UNSORTED {
                 continue;
             }
             let node = parent.len() as u32;
             parent.push(node);
-            label[seed] = node;
-            stack.push(seed as u32);
+            slots[seed.index()][1] = node;
+            stack.push(seed);
             let mut last = u32::MAX;
-            while let Some(i) = stack.pop() {
-                for across in mesh.all_opposites()[loose[i as usize].index()] {
+            while let Some(f) = stack.pop() {
+                for across in opposites[f.index()] {
                     if across.is_none() {
                         continue;
                     }
                     let f = across.face();
-                    let [met, place] = slots[f.index()];
-                    if met != *search {
+                    let [met, piece] = &mut slots[f.index()];
+                    if *met != search {
                         let section = mesh.face_info(f).section.0;
                         if section != last {
                             join(parent, node, section);
                             last = section;
                         }
-                    } else if label[place as usize] == u32::MAX {
-                        label[place as usize] = node;
-                        stack.push(place);
+                    } else if *piece == UNSORTED {
+                        *piece = node;
+                        stack.push(f);
                     }
                 }
             }
@@ -321,7 +322,7 @@ impl SectionGraph {
 
     fn collect(&mut self, mesh: &Mesh) -> Vec<Part> {
         let sections = self.facts.len();
-        let Self { facts, stale, loose, label, parent, part_of, .. } = self;
+        let Self { facts, stale, loose, slots, parent, part_of, .. } = self;
         let mut parts: Vec<Part> = Vec::new();
         part_of.clear();
         part_of.resize(parent.len(), u32::MAX);
@@ -351,9 +352,14 @@ impl SectionGraph {
             part.lowest_face = part.lowest_face.min(facts.lowest_face);
             part.lowest_origin = part.lowest_origin.min(facts.lowest_origin);
         }
-        for (i, &f) in loose.iter().enumerate() {
-            let at = part(label[i] as usize, &mut parts);
-            let part = &mut parts[at];
+        // a face is mostly in the piece that the one before it is in
+        let mut last = (UNSORTED, 0);
+        for &f in loose.iter() {
+            let node = slots[f.index()][1];
+            if node != last.0 {
+                last = (node, part(node as usize, &mut parts));
+            }
+            let part = &mut parts[last.1];
             part.loose.push(f);
             part.faces += 1;
             part.vertices += owned(mesh, f);
