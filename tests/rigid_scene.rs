@@ -8,6 +8,8 @@ use glam::{DQuat, DVec3};
 use incise::geometry::Plane;
 use incise::physics::{RigidPose, RigidShape};
 use incise::scene::{EditCommand, Fixed, PieceSettings, Scene, TissueId};
+use incise::surgery::BladePose;
+use proptest::prelude::*;
 
 const STEP: f64 = 1.0 / 90.0;
 
@@ -327,4 +329,81 @@ fn pieces_of_many_cuts_come_to_lie_on_the_table() {
         }
         scene.validate().unwrap();
     }
+}
+
+/// An edit of a random sequence, after each of which time passes.
+#[derive(Clone, Debug)]
+enum Step {
+    Cut(usize),
+    Tear(f64),
+    Poke(f64),
+    Grab(f64),
+    LetGo,
+    Undo,
+    Redo,
+}
+
+fn step() -> impl Strategy<Value = Step> {
+    prop_oneof![
+        3 => (0usize..4).prop_map(Step::Cut),
+        2 => (-0.4f64..0.4).prop_map(Step::Tear),
+        1 => (-0.4f64..0.4).prop_map(Step::Poke),
+        1 => (-0.4f64..0.4).prop_map(Step::Grab),
+        1 => Just(Step::LetGo),
+        4 => Just(Step::Undo),
+        1 => Just(Step::Redo),
+    ]
+}
+
+/// Time passes between edits, undos and redos: bodies follow whatever there is of their tissues.
+fn follow_edits(steps: &[Step]) -> Result<(), TestCaseError> {
+    let mut scene = falling("sphere", 300);
+    for step in steps {
+        match *step {
+            Step::Cut(k) => {
+                let normals = [DVec3::Y, DVec3::X, DVec3::new(1.0, 1.0, 0.3), DVec3::Z].map(DVec3::normalize);
+                scene.edit(EditCommand::CutClosed(Plane::Equation { normal: normals[k], offset: 0.05 * k as f64 }));
+            }
+            Step::Tear(y) => {
+                scene.edit(EditCommand::StrokeBegin { width: 0.02 });
+                for (t, x) in [(0.0, -0.3), (0.1, 0.0), (0.2, 0.3)] {
+                    let tip = DVec3::new(x, y, 0.0);
+                    scene.edit(EditCommand::StrokePose(BladePose { t, tip, base: tip + DVec3::Z }));
+                }
+                scene.edit(EditCommand::StrokeEnd);
+            }
+            Step::Poke(x) => place(&mut scene, 1, DVec3::new(x, 0.0, 0.45)),
+            Step::Grab(x) => {
+                scene.edit(EditCommand::GrabBegin { id: 1, center: DVec3::new(x, 0.0, 0.4), radius: 0.2 });
+                scene.edit(EditCommand::GrabMove { id: 1, by: DVec3::new(0.0, 0.1, 0.1) });
+            }
+            Step::LetGo => {
+                scene.edit(EditCommand::RemoveCollider { id: 1 });
+                scene.edit(EditCommand::GrabEnd { id: 1 });
+            }
+            Step::Undo => drop(scene.edit(EditCommand::Undo)),
+            Step::Redo => drop(scene.edit(EditCommand::Redo)),
+        }
+        frames(&mut scene, 2);
+        scene.validate().map_err(TestCaseError::fail)?;
+        for (id, tissue) in scene.tissues().filter(|(id, _)| scene.is_loose(*id)) {
+            prop_assert!(tissue.frame().translation.is_finite(), "{id:?} has left");
+        }
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn bodies_follow_edits_undos_and_redos(steps in prop::collection::vec(step(), 3..12)) {
+        follow_edits(&steps)?;
+    }
+}
+
+/// Two undos with time between them took vertices away that the stand's hull was made of.
+#[test]
+fn a_hull_is_made_of_vertices_that_there_are() {
+    follow_edits(&[Step::Cut(0), Step::Tear(0.0), Step::Cut(1), Step::Undo, Step::Undo]).unwrap();
 }

@@ -95,6 +95,7 @@ impl Scene {
                 Change::Edited(id, deltas) => {
                     let inverse = self.tissues.get_mut(&id).map_or_else(Vec::new, |t| t.travel(deltas));
                     bytes += if self.measuring { upload_bytes(&inverse) } else { 0 };
+                    self.rigid.rechoose_hull(id);
                     inverse.iter().for_each(|delta| self.changes.share(id, delta));
                     Change::Edited(id, inverse)
                 }

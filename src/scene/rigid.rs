@@ -56,6 +56,7 @@ struct Collider {
 /// The hull of a tissue as a rigid body: a loose one's, or that of one that stays and that loose ones lie on, a stand.
 struct Hull {
     body: BodyId,
+    /// Empty once they are to be chosen anew.
     vertices: Vec<VertexId>,
     /// Where they were when the body got its shape, and in which pose and under which displacements.
     points: Vec<DVec3>,
@@ -77,7 +78,9 @@ impl Hull {
 
     /// Follows the animation and the soft layer, a little at a time.
     fn follow(&mut self, tissue: &Tissue, world: &mut RigidWorld, points: &mut Vec<DVec3>) {
-        if self.seen == seen(tissue) {
+        if self.vertices.is_empty() {
+            self.vertices = tissue.hull_vertices(HULL_POINTS);
+        } else if self.seen == seen(tissue) {
             return;
         }
         self.seen = seen(tissue);
@@ -192,6 +195,12 @@ impl Rigid {
                 world.pass_stands(body);
             }
         }
+    }
+
+    /// To be called for a tissue that an undo or a redo has changed: its vertices may be others.
+    pub(super) fn rechoose_hull(&mut self, id: TissueId) {
+        let hulls = self.loose.get_mut(&id).into_iter().chain(self.stands.get_mut(&id));
+        hulls.for_each(|hull| hull.vertices.clear());
     }
 
     /// Brings hulls to what is seen.
