@@ -11,9 +11,9 @@ use incise::surgery::{BladePose, SamplingSettings, WallMode};
 use incise::tissue::stroke::{SegmentReport, TearStroke};
 use incise::tissue::{Tissue, TissueSettings};
 
-/// A sphere with about one particle for 80 faces.
-fn sphere(faces: usize) -> Tissue {
-    let model = common::models::model("sphere", faces);
+/// A model with about one particle for 80 faces.
+fn tissue(name: &str, faces: usize) -> Tissue {
+    let model = common::models::model(name, faces);
     let rest: Vec<DVec3> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
     let settings = TissueSettings {
         particles: Some(ParticleSettings::for_count(&model.mesh, &rest, faces / 80)),
@@ -27,7 +27,7 @@ fn sphere(faces: usize) -> Tissue {
 
 /// A spiral of `segments` boxes whose width, depth and length go with the edges of the model.
 fn tear(faces: usize, wall: WallMode, segments: usize) -> Vec<SegmentReport> {
-    let mut tissue = sphere(faces);
+    let mut tissue = tissue("sphere", faces);
     let (low, high) = tissue.bounds();
     let (centre, diagonal, radius) = ((low + high) / 2.0, tissue.diagonal(), (high - low).min_element() / 2.0);
     let edge = (5_000.0 / faces as f64).sqrt() * diagonal;
@@ -83,11 +83,43 @@ fn later_segments_of_a_long_stroke_cost_no_more() {
     }
 }
 
+/// Corners of walls hang on both sides of a skinned body; the sections of their faces are to stay as small as they look.
+#[test]
+fn a_stroke_across_an_old_wound_looks_at_little_more_with_walls_than_without() {
+    let visited = |wall: WallMode| {
+        let mut heart = tissue("heart", 8_000);
+        let ((low, high), diagonal) = (heart.bounds(), heart.diagonal());
+        let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        let mut stroke = |along: DVec3, aside: DVec3| {
+            let sampling = SamplingSettings::default().with_distance(0.02 * diagonal, diagonal);
+            let mut stroke = TearStroke::new(&heart, 0.01 * diagonal, sampling).walled(wall);
+            for i in 0..24 {
+                let over = middle + aside + along * (f64::from(i) / 23.0 * 1.2 - 0.6) + DVec3::Z * diagonal;
+                let Some((s, _)) = heart.blade_entry(over - 2.0 * diagonal * DVec3::Z, over) else { continue };
+                let at = over - s * 2.0 * diagonal * DVec3::Z;
+                let (tip, base) = (at - 0.03 * diagonal * DVec3::Z, at + 0.05 * diagonal * DVec3::Z);
+                stroke.push(&mut heart, BladePose { t: f64::from(i) / 90.0, tip, base });
+                stroke.drain_deltas(|_| {});
+            }
+            stroke.release(&mut heart);
+            stroke.reports().iter().filter(|r| r.new_vertices > 0).cloned().collect::<Vec<_>>()
+        };
+        for k in -2..=2 {
+            stroke(half * DVec3::X, half * DVec3::Y * 0.25 * f64::from(k));
+        }
+        let reports = stroke(half * DVec3::Y, DVec3::ZERO);
+        assert!(reports.len() > 8 && heart.validate() == Ok(()), "{} segments", reports.len());
+        reports.iter().map(|r| r.faces_visited).sum::<usize>() as f64 / reports.len() as f64
+    };
+    let [open, closed] = [WallMode::Open, WallMode::Closed].map(visited);
+    assert!(closed < 3.0 * open, "{closed} faces with walls, {open} without");
+}
+
 #[test]
 fn what_nobody_asks_for_is_not_measured_and_changes_nothing() {
     let edits = |measuring: bool| {
         let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
-        let mut scene = Scene::new(sphere(2_000), tools);
+        let mut scene = Scene::new(tissue("sphere", 2_000), tools);
         scene.set_measuring(measuring);
         let tissue = scene.tissues().next().unwrap().1;
         let ((low, high), offset) = (tissue.bounds(), tissue.offset());

@@ -7,7 +7,7 @@ use super::positions::Skins;
 use super::sections::SECTION_MARGIN;
 use crate::geometry::{FaceId, SectionId, VertexId};
 use crate::surgery::insert::NewVertex;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 /// Ways that chords take: across each other, and in no plane that a blade is likely to move in, since corners lie in its walls.
 const WAYS: [DVec3; 3] = [
@@ -26,8 +26,70 @@ pub(super) type Hanging = [(VertexId, f64); 6];
 #[derive(Clone, Debug, Default)]
 pub(super) struct ChordScratch {
     pub(super) skins: Skins,
-    /// Sections that a chord may pass through, and how far from the point it may enter them, metres.
-    ahead: Vec<(f64, u32)>,
+    /// One for each of [`WAYS`].
+    bundles: [Bundle; 3],
+}
+
+/// The chords of all corners of an edit along one way: they lie near each other, so that the faces they may end on are looked for once.
+#[derive(Clone, Debug, Default)]
+struct Bundle {
+    /// Bounds of the corners, seen along the way.
+    corners: Window,
+    /// What the faces cover, and the faces.
+    covered: Window,
+    faces: Vec<Ending>,
+}
+
+/// A face that a chord may end on: its corners' vertices, and where bones alone put them.
+#[derive(Clone, Copy, Debug)]
+struct Ending {
+    vertices: [VertexId; 3],
+    corners: [DVec3; 3],
+}
+
+/// Low and high corner of a part of the plane across a way, metres.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    low: DVec2,
+    high: DVec2,
+}
+
+impl Default for Window {
+    fn default() -> Self {
+        Self { low: DVec2::INFINITY, high: DVec2::NEG_INFINITY }
+    }
+}
+
+impl Window {
+    fn around(points: impl Iterator<Item = DVec2>) -> Self {
+        points.fold(Self::default(), |w, p| Self { low: w.low.min(p), high: w.high.max(p) })
+    }
+
+    fn meets(&self, other: &Self) -> bool {
+        (self.low.cmple(other.high) & self.high.cmpge(other.low)).all()
+    }
+}
+
+/// The plane across a way.
+#[derive(Clone, Copy)]
+struct Across([DVec3; 2]);
+
+impl Across {
+    fn to(way: DVec3) -> Self {
+        let (one, other) = way.any_orthonormal_pair();
+        Self([one, other])
+    }
+
+    fn of(&self, p: DVec3) -> DVec2 {
+        DVec2::new(p.dot(self.0[0]), p.dot(self.0[1]))
+    }
+
+    /// A box as it is seen along the way, `margin` larger.
+    fn of_box(&self, (low, high): (DVec3, DVec3), margin: f64) -> Window {
+        let (middle, half) = (self.of((low + high) / 2.0), (high - low) / 2.0);
+        let reach = DVec2::from(self.0.map(|axis| axis.abs().dot(half))) + margin;
+        Window { low: middle - reach, high: middle + reach }
+    }
 }
 
 /// Where a chord leaves the body.
@@ -41,104 +103,99 @@ struct Exit {
     leaves: bool,
 }
 
+impl ChordScratch {
+    /// To be called before an edit's corners are hung: nothing is known of what the last ones hung on.
+    pub(super) fn begin(&mut self, made: &[NewVertex]) {
+        let corners = made.iter().filter(|n| n.parent_count == 0).map(|n| n.position);
+        if corners.clone().next().is_none() {
+            return;
+        }
+        for (bundle, way) in self.bundles.iter_mut().zip(WAYS) {
+            let across = Across::to(way);
+            bundle.corners = Window::around(corners.clone().map(|p| across.of(p)));
+            bundle.covered = Window::default();
+        }
+    }
+}
+
 impl Tissue {
-    /// What `p`, where bones alone move the tissue, hangs on: the shortest of three chords through it. That which goes most straight
-    /// through the skin at `near` comes first: it bounds what the others have to look at. `None` if none leaves the body both ways, or
-    /// no bone moves anything. Walls are passed through. `made` lists an edit's vertices, whose rows may not be known yet. Call
-    /// [`Tissue::refresh_sections`] first.
-    pub(super) fn hang(&self, near: VertexId, p: DVec3, made: &[NewVertex], scratch: &mut ChordScratch) -> Option<Hanging> {
+    /// What `p`, where bones alone put the corner that stands at `at`, hangs on: the shortest of three chords through it. `None` if none
+    /// leaves the body both ways, or no bone moves anything. Walls are passed through. `made` lists the edit's vertices, whose rows may
+    /// not be known yet. Call [`Tissue::refresh_sections`] and [`ChordScratch::begin`] first.
+    pub(super) fn hang(&self, p: DVec3, at: DVec3, made: &[NewVertex], scratch: &mut ChordScratch) -> Option<Hanging> {
         if self.pose.joint_matrices.is_empty() {
             return None;
         }
-        let ChordScratch { skins, ahead } = scratch;
-        skins.refresh(self);
+        let ChordScratch { skins, bundles } = scratch;
+        let mut best: Option<(f64, Hanging)> = None;
+        for (way, bundle) in WAYS.into_iter().zip(bundles) {
+            let across = Across::to(way);
+            let seen = across.of(p);
+            if !bundle.covered.meets(&Window { low: seen, high: seen }) {
+                skins.refresh(self);
+                // the others are moved by about as much
+                let moved = seen - across.of(at);
+                let corners = Window { low: bundle.corners.low + moved, high: bundle.corners.high + moved };
+                let (around, slack) =
+                    (Window::around([seen, corners.low, corners.high].into_iter()), SECTION_MARGIN * self.diagonal);
+                let spare = 0.1 * (around.high - around.low) + slack;
+                bundle.covered = Window { low: around.low - spare, high: around.high + spare };
+                self.list_endings(across, made, skins, bundle);
+            }
+            best = chord(p, way, across, best.map_or(f64::INFINITY, |b| b.0), &bundle.faces).or(best);
+        }
+        best.map(|b| b.1)
+    }
+
+    /// Lists the faces of the skin that are seen in the covered window.
+    fn list_endings(&self, across: Across, made: &[NewVertex], skins: &Skins, bundle: &mut Bundle) {
         let known = |mut v: VertexId| {
             while v.index() >= self.rows.len() {
                 v = made.iter().find(|m| m.vertex == v)?.parents[0].0;
             }
             Some(v)
         };
+        let covered = bundle.covered;
+        let is_seen = |bounds: (DVec3, DVec3)| covered.meets(&across.of_box(bounds, SECTION_MARGIN * self.diagonal));
+        let groups = self.sections.groups().filter(|(_, bounds)| is_seen(*bounds));
+        let sections = groups.flat_map(|(group, _)| group).filter(|&s| is_seen(self.sections.of(s)));
+        let faces = sections.flat_map(|s| self.mesh.section_faces(SectionId::new(s)));
         let is_skin = |f: &FaceId| !self.mesh.face_info(*f).is_interior();
-        let fan = self.mesh.vertex_is_live(near).then(|| self.mesh.fan(near));
-        let mut normal = DVec3::ZERO;
-        for f in fan.into_iter().flatten().map(|h| h.face()).filter(is_skin) {
-            if let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(known) {
-                let [a, b, c] = [a, b, c].map(|v| skins.of(self, v));
-                normal += (b - a).cross(c - a);
-            }
-        }
-        let mut ways = WAYS;
-        ways.sort_by(|a, b| b.dot(normal).abs().total_cmp(&a.dot(normal).abs()));
-        let mut best: Option<(f64, Hanging)> = None;
-        for way in ways {
-            let limit = best.map_or(f64::INFINITY, |b| b.0);
-            best = self.chord(p, way, limit, known, skins, ahead).or(best);
-        }
-        best.map(|b| b.1)
-    }
-
-    /// Length and ends of the chord of the body through `p` along a way, if it is shorter than `limit`.
-    fn chord(
-        &self,
-        p: DVec3,
-        way: DVec3,
-        limit: f64,
-        known: impl Fn(VertexId) -> Option<VertexId>,
-        skins: &Skins,
-        ahead: &mut Vec<(f64, u32)>,
-    ) -> Option<(f64, Hanging)> {
-        let (across, inverse) = (way.any_orthonormal_pair(), way.recip());
-        let margin = DVec3::splat(SECTION_MARGIN * self.diagonal);
-        let span = |(low, high): (DVec3, DVec3)| line_in_box(inverse, low - margin - p, high + margin - p);
-        let away = |bounds: (DVec3, DVec3)| span(bounds).map(|(from, to)| from.max(-to)).filter(|&away| away <= limit);
-        ahead.clear();
-        let groups = self.sections.groups().filter(|(_, bounds)| away(*bounds).is_some());
-        ahead.extend(groups.flat_map(|(group, _)| group).filter_map(|s| Some((away(self.sections.of(s))?, s as u32))));
-        // what is near shows how far the chord goes, back and forth: what lies beyond need not be looked at
-        ahead.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-        let mut exits = [None::<Exit>; 2];
-        let mut limits = [limit; 2];
-        for &(_, s) in ahead.iter() {
-            if span(self.sections.of(s as usize)).is_none_or(|(from, to)| from.max(-limits[0]) > to.min(limits[1])) {
-                continue;
-            }
-            let is_skin = |f: &FaceId| !self.mesh.face_info(*f).is_interior();
-            for f in self.mesh.section_faces(SectionId(s)).filter(is_skin) {
-                let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(&known) else { continue };
-                let corners = [a, b, c].map(|v| skins.of(self, v) - p);
-                let aside = corners.map(|c| c.dot(across.0));
-                if aside.iter().all(|&x| x > 0.0) || aside.iter().all(|&x| x < 0.0) {
-                    continue;
-                }
-                let Some(shares) = origin_in([0, 1, 2].map(|k| [aside[k], corners[k].dot(across.1)])) else { continue };
-                let along: f64 = shares.iter().zip(corners).map(|(w, c)| w * c.dot(way)).sum();
-                let forth = along >= 0.0;
-                let end = &mut exits[usize::from(forth)];
-                if end.is_none_or(|e| along.abs() < e.away) {
-                    let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
-                    let leaves = (normal.dot(way) > 0.0) == forth;
-                    limits[usize::from(forth)] = along.abs().min(limit);
-                    *end = Some(Exit { away: along.abs(), corners: [(a, shares[0]), (b, shares[1]), (c, shares[2])], leaves });
-                }
-            }
-        }
-        let [Some(a), Some(b)] = exits else { return None };
-        let length = a.away + b.away;
-        if !(a.leaves && b.leaves && length > 0.0 && length < limit) {
-            return None;
-        }
-        let share = b.away / length;
-        let [a0, a1, a2] = a.corners.map(|(v, w)| (v, w * share));
-        let [b0, b1, b2] = b.corners.map(|(v, w)| (v, w * (1.0 - share)));
-        Some((length, [a0, a1, a2, b0, b1, b2]))
+        let ending = |f: FaceId| {
+            let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(known) else { return None };
+            let corners = [a, b, c].map(|v| skins.of(self, v));
+            let window = Window::around(corners.iter().map(|&c| across.of(c)));
+            covered.meets(&window).then_some(Ending { vertices: [a, b, c], corners })
+        };
+        bundle.faces.clear();
+        bundle.faces.extend(faces.filter(is_skin).filter_map(ending));
     }
 }
 
-/// From where to where, along it, the line through the origin lies in a box; `inverse` has one over its direction's coordinates.
-fn line_in_box(inverse: DVec3, low: DVec3, high: DVec3) -> Option<(f64, f64)> {
-    let (one, other) = (low * inverse, high * inverse);
-    let (from, to) = (one.min(other).max_element(), one.max(other).min_element());
-    (from <= to).then_some((from, to))
+/// Length and ends of the chord of the body through `p` along a way, if it is shorter than `limit`, among `faces`.
+fn chord(p: DVec3, way: DVec3, across: Across, limit: f64, faces: &[Ending]) -> Option<(f64, Hanging)> {
+    let mut exits = [None::<Exit>; 2];
+    for Ending { vertices: [a, b, c], corners } in faces {
+        let corners = corners.map(|c| c - p);
+        let Some(shares) = origin_in(corners.map(|c| across.of(c).to_array())) else { continue };
+        let along: f64 = shares.iter().zip(corners).map(|(w, c)| w * c.dot(way)).sum();
+        let forth = along >= 0.0;
+        let end = &mut exits[usize::from(forth)];
+        if end.is_none_or(|e| along.abs() < e.away) {
+            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+            let leaves = (normal.dot(way) > 0.0) == forth;
+            *end = Some(Exit { away: along.abs(), corners: [(*a, shares[0]), (*b, shares[1]), (*c, shares[2])], leaves });
+        }
+    }
+    let [Some(a), Some(b)] = exits else { return None };
+    let length = a.away + b.away;
+    if !(a.leaves && b.leaves && length > 0.0 && length < limit) {
+        return None;
+    }
+    let share = b.away / length;
+    let [a0, a1, a2] = a.corners.map(|(v, w)| (v, w * share));
+    let [b0, b1, b2] = b.corners.map(|(v, w)| (v, w * (1.0 - share)));
+    Some((length, [a0, a1, a2, b0, b1, b2]))
 }
 
 /// The corners' shares of the origin, if it lies in their triangle.

@@ -153,6 +153,7 @@ impl Tissue {
 
     /// Rows and rest positions of inserted vertices.
     pub(super) fn add_vertices(&mut self, new: &[NewVertex]) {
+        self.scratch.chords.begin(new);
         for vertex in new {
             let id = if vertex.parent_count == 0 { self.push_corner(vertex, new) } else { self.push_inserted(vertex) };
             debug_assert_eq!(id, vertex.vertex);

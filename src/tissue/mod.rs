@@ -8,6 +8,7 @@ pub mod edit;
 pub mod forces;
 mod history;
 mod holds;
+mod inside;
 pub mod measure;
 pub mod pieces;
 mod positions;

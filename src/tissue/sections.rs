@@ -27,11 +27,13 @@ const GROUP: usize = 16;
 struct JointRows {
     start: Vec<u32>,
     joints: Vec<JointBounds>,
+    /// Bounds at rest of those parts whose joints' bounds reach beyond them: what hangs on a chord of the body leans on its far ends.
+    rest: Vec<Option<Bounds>>,
 }
 
 impl Default for JointRows {
     fn default() -> Self {
-        Self { start: vec![0], joints: Vec::new() }
+        Self { start: vec![0], joints: Vec::new(), rest: Vec::new() }
     }
 }
 
@@ -57,18 +59,33 @@ impl JointRows {
     }
 
     /// Ends the row that the last joints belong to.
-    fn end_row(&mut self) {
+    fn end_row(&mut self, rest: Option<Bounds>) {
         self.start.push(self.joints.len() as u32);
+        self.rest.push(rest);
+    }
+
+    /// Bounds of a row at rest.
+    fn rest_of(&self, row: usize) -> Bounds {
+        self.rest[row].unwrap_or_else(|| unite(self.row(row).iter().map(|b| (b.min, b.max))))
     }
 
     /// Rows for runs of [`GROUP`] rows each.
     fn grouped(&self) -> Self {
         let mut groups = Self::default();
         for first in (0..self.len()).step_by(GROUP) {
-            (first..(first + GROUP).min(self.len())).flat_map(|s| self.row(s)).for_each(|by| groups.add(by));
-            groups.end_row();
+            let group = first..(first + GROUP).min(self.len());
+            group.clone().flat_map(|s| self.row(s)).for_each(|by| groups.add(by));
+            let reaches_beyond = self.rest[group.clone()].iter().any(Option::is_some);
+            groups.end_row(reaches_beyond.then(|| unite(group.map(|s| self.rest_of(s)))));
         }
         groups
+    }
+
+    /// Widens a row by what a vertex that rests at `rest` leans on.
+    fn widen_by(&mut self, row: usize, rest: DVec3, leans_on: impl FnOnce(&mut dyn FnMut(&JointBounds))) {
+        let (low, high) = self.rest_of(row);
+        self.rest[row] = Some((low.min(rest), high.max(rest)));
+        leans_on(&mut |by| self.widen(row, by));
     }
 
     /// Widens a row by bounds.
@@ -117,8 +134,31 @@ struct Frame {
 impl Frame {
     fn of(matrix: &JointMatrix) -> Self {
         let DAffine3 { matrix3, translation } = matrix.affine();
-        let columns = [matrix3.x_axis, matrix3.y_axis, matrix3.z_axis];
+        Self::new([matrix3.x_axis, matrix3.y_axis, matrix3.z_axis], translation)
+    }
+
+    fn new(columns: [DVec3; 3], translation: DVec3) -> Self {
         Self { columns, sizes: columns.map(DVec3::abs), translation }
+    }
+
+    fn mean<'a>(frames: impl Iterator<Item = &'a Self> + Clone) -> Self {
+        let share = 1.0 / frames.clone().count().max(1) as f64;
+        let columns = [0, 1, 2].map(|k| frames.clone().map(|f| f.columns[k]).sum::<DVec3>() * share);
+        Self::new(columns, frames.map(|f| f.translation).sum::<DVec3>() * share)
+    }
+
+    /// What it moves by more than another does.
+    fn less(&self, other: &Self) -> Self {
+        Self::new([0, 1, 2].map(|k| self.columns[k] - other.columns[k]), self.translation - other.translation)
+    }
+
+    /// Box around a box that it has moved.
+    fn pose(&self, (low, high): Bounds) -> Bounds {
+        let (middle, half) = ((low + high) / 2.0, (high - low) / 2.0);
+        let [x, y, z] = self.columns;
+        let centre = x * middle.x + y * middle.y + z * middle.z + self.translation;
+        let reach = self.sizes[0] * half.x + self.sizes[1] * half.y + self.sizes[2] * half.z;
+        (centre - reach, centre + reach)
     }
 }
 
@@ -130,7 +170,7 @@ impl SectionBounds {
             for v in mesh.section_faces(SectionId::new(s)).flat_map(|f| mesh.face(f)) {
                 each_base(rows, v, |by| sections.add(by));
             }
-            sections.end_row();
+            sections.end_row(None);
         }
         Self { groups: sections.grouped(), sections, ..Self::default() }
     }
@@ -142,10 +182,9 @@ impl SectionBounds {
             return;
         }
         for v in vertices {
-            each_base(rows, v, |by| {
-                self.sections.widen(s, by);
-                self.groups.widen(s / GROUP, by);
-            });
+            let rest = rows.rest(v);
+            self.sections.widen_by(s, rest, |each| each_base(rows, v, each));
+            self.groups.widen_by(s / GROUP, rest, |each| each_base(rows, v, each));
         }
         self.posed.forget(s);
         self.posed_groups.forget(s / GROUP);
@@ -156,7 +195,7 @@ impl SectionBounds {
         let mut sections = JointRows::default();
         for s in from.iter().map(|s| s.index()).filter(|&s| s < self.len()) {
             sections.joints.extend_from_slice(self.sections.row(s));
-            sections.end_row();
+            sections.end_row(self.sections.rest[s]);
         }
         Self { groups: sections.grouped(), sections, frames: self.frames.clone(), ..Self::default() }
     }
@@ -177,13 +216,13 @@ impl SectionBounds {
 
     /// Bounds of a section in the pose, without displacements.
     pub fn of(&self, section: usize) -> (DVec3, DVec3) {
-        self.posed.get(section, || pose_all(self.sections.row(section), &self.frames))
+        self.posed.get(section, || self.sections.posed(section, &self.frames))
     }
 
     /// Runs of sections, with bounds of each as a whole.
     pub fn groups(&self) -> impl Iterator<Item = (Range<usize>, (DVec3, DVec3))> {
         (0..self.groups.len()).map(|g| {
-            let bounds = self.posed_groups.get(g, || pose_all(self.groups.row(g), &self.frames));
+            let bounds = self.posed_groups.get(g, || self.groups.posed(g, &self.frames));
             (GROUP * g..(GROUP * (g + 1)).min(self.len()), bounds)
         })
     }
@@ -206,21 +245,88 @@ fn each_base(rows: &VertexRows, v: VertexId, mut each: impl FnMut(&JointBounds))
     row.iter().for_each(|entry| base(entry.base));
 }
 
-/// Box around all of a section's joints.
-fn pose_all(joints: &[JointBounds], frames: &[Frame]) -> (DVec3, DVec3) {
-    joints.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), b| {
-        let (l, h) = pose_bounds(b, frames);
-        (low.min(l), high.max(h))
-    })
+impl JointRows {
+    /// Box around a row in a pose.
+    fn posed(&self, row: usize, frames: &[Frame]) -> Bounds {
+        let still = Frame::of(&JointMatrix::IDENTITY);
+        let joints = || self.row(row).iter().map(|b| (frames.get(b.joint as usize).unwrap_or(&still), (b.min, b.max)));
+        let (low, high) = unite(joints().map(|(frame, bounds)| frame.pose(bounds)));
+        let Some(rest) = self.rest[row] else { return (low, high) };
+        // What joints together move from x, is moved by their mean, and besides by shares of what each moves otherwise: that is little
+        // where they move alike, however far off what they move by themselves is.
+        let mean = Frame::mean(joints().map(|(frame, _)| frame));
+        let (from, to) = mean.pose(rest);
+        let (less, more) = unite(joints().map(|(frame, bounds)| frame.less(&mean).pose(bounds)));
+        (low.max(from + less), high.min(to + more))
+    }
 }
 
-/// Box around a box transformed by its joint.
-fn pose_bounds(b: &JointBounds, frames: &[Frame]) -> (DVec3, DVec3) {
-    let Some(Frame { columns, sizes, translation }) = frames.get(b.joint as usize) else {
-        return (b.min, b.max);
-    };
-    let (middle, half) = ((b.min + b.max) / 2.0, (b.max - b.min) / 2.0);
-    let centre = columns[0] * middle.x + columns[1] * middle.y + columns[2] * middle.z + *translation;
-    let reach = sizes[0] * half.x + sizes[1] * half.y + sizes[2] * half.z;
-    (centre - reach, centre + reach)
+/// Box around boxes.
+fn unite(bounds: impl Iterator<Item = Bounds>) -> Bounds {
+    bounds.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), (l, h)| (low.min(l), high.max(h)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::particles::random::draw;
+    use glam::{DMat3, DQuat};
+
+    /// A section on one side of a body that two joints move, with a corner on a chord to its other side.
+    fn row(reaches_beyond: bool) -> (JointRows, [JointBounds; 2], DVec3) {
+        let skin = JointBounds { joint: 0, min: DVec3::new(0.9, 0.0, 0.0), max: DVec3::new(1.0, 0.1, 0.1) };
+        let ends = [(0, 0.95), (1, -1.0)].map(|(joint, x)| {
+            let at = DVec3::new(x, 0.05, 0.05);
+            JointBounds { joint, min: at, max: at }
+        });
+        let corner = 0.9 * ends[0].min + 0.1 * ends[1].min;
+        let mut rows = JointRows::default();
+        rows.add(&skin);
+        rows.end_row(None);
+        rows.widen_by(0, corner, |each| ends.iter().for_each(each));
+        if !reaches_beyond {
+            rows.rest[0] = None;
+        }
+        (rows, ends, corner)
+    }
+
+    fn frame(turn: f64, shift: DVec3) -> Frame {
+        let m = DMat3::from_quat(DQuat::from_rotation_z(turn));
+        Frame::new([m.x_axis, m.y_axis, m.z_axis], shift)
+    }
+
+    #[test]
+    fn bounds_hold_what_hangs_on_the_far_side_and_stay_small() {
+        let (rows, ends, corner) = row(true);
+        let mut counter = 0;
+        let mut unit = || {
+            counter += 1;
+            (draw(9, counter) >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+        };
+        for size in [0.0, 0.02, 0.3, 3.0] {
+            for _ in 0..50 {
+                let mut any = || frame(size * unit(), size * DVec3::new(unit(), unit(), unit()));
+                let frames = [any(), any()];
+                let moved = |k: usize, p: DVec3| {
+                    let [x, y, z] = frames[k].columns;
+                    x * p.x + y * p.y + z * p.z + frames[k].translation
+                };
+                let at = 0.9 * moved(0, ends[0].min) + 0.1 * moved(1, ends[1].min);
+                let (low, high) = rows.posed(0, &frames);
+                let skin = [moved(0, DVec3::new(0.9, 0.0, 0.0)), moved(0, DVec3::new(1.0, 0.1, 0.1))];
+                for p in skin.into_iter().chain([at]) {
+                    let (from, to) = (low - SECTION_MARGIN, high + SECTION_MARGIN);
+                    assert!(p.cmpge(from).all() && p.cmple(to).all(), "{size}: {p} outside {low} .. {high}");
+                }
+                if size < 0.1 {
+                    // what the joints move by more than each other adds, and not the chord
+                    assert!((high - low).x < 0.3 + 8.0 * size, "{size}: {low} .. {high} around {corner}");
+                }
+            }
+        }
+        // broken twin: without its bounds at rest the section is as long as the chord
+        let still = [frame(0.0, DVec3::ZERO), frame(0.0, DVec3::ZERO)];
+        let (low, high) = row(false).0.posed(0, &still);
+        assert!((high - low).x > 1.9);
+    }
 }

@@ -7,6 +7,7 @@ mod slit_stroke;
 #[path = "stroke_room.rs"]
 mod stroke_room;
 
+use super::inside::{corners_inside, is_buried};
 use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
 use crate::diagnostics::Stages;
@@ -390,7 +391,7 @@ impl TearStroke {
         self.keep_end(tissue, tear_box, &planes, end);
         self.spare_ended.push(before);
         (self.planes, self.tags) = (planes, tags);
-        if hit || self.wall == WallMode::Open || !(given_up || is_buried(tissue, tear_box)) {
+        if hit || self.wall == WallMode::Open || !(given_up || is_buried(tissue, &self.positions, tear_box)) {
             self.boxes.push(tear_box.clone());
         }
         self.reports.push(report);
@@ -410,7 +411,7 @@ impl TearStroke {
         let is_closed = self.wall == WallMode::Closed;
         planes.faces_within(tissue, (low - margin, high + margin), &mut self.candidates);
         if is_closed && (planes.start == 0 || self.meets_old_walls(tissue, planes, before)) {
-            planes.facets.seen_inside = Some(corners_inside(tissue, &planes.facets.corners));
+            planes.facets.seen_inside = Some(corners_inside(tissue, &self.positions, &planes.facets.corners));
         }
         let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
         let (at, seen) = (tear_box.blades[1][1], &self.positions);
@@ -543,31 +544,6 @@ impl TearStroke {
             None => [tip, top],
         }
     }
-}
-
-/// True if a box that no face reaches lies inside the solid. It leaves no void there, so it is none of the boxes that the wound is
-/// made of.
-fn is_buried(tissue: &Tissue, tear_box: &TearBox) -> bool {
-    let centre = tear_box.corners().iter().sum::<DVec3>() / 8.0;
-    is_inside(tissue, tissue.sections_extent(), centre, (tear_box.blades[0][1] - tear_box.blades[0][0]).normalize_or(DVec3::Y))
-}
-
-/// True if the first thing that a look from `p` along `way` meets is seen from within. `low` and `high` bound the tissue.
-fn is_inside(tissue: &Tissue, (low, high): (DVec3, DVec3), p: DVec3, way: DVec3) -> bool {
-    if p.cmplt(low).any() || p.cmpgt(high).any() {
-        return false;
-    }
-    tissue.blade_entry(p + way * 2.0 * (high - low).length(), p).is_some_and(|(s, _)| s == 0.0)
-}
-
-/// Corners of a box (bits) that lie inside the tissue, looked at from a little within the box: it may share planes with walls.
-fn corners_inside(tissue: &Tissue, corners: &[DVec3; 8]) -> u8 {
-    let centre = corners.iter().sum::<DVec3>() / 8.0;
-    // in no plane that a blade is likely to move in
-    let way = DVec3::new(0.536_1, 0.741_7, 0.403_3).normalize();
-    let extent = tissue.sections_extent();
-    let inside = |p: DVec3| is_inside(tissue, extent, p.lerp(centre, 0.02), way);
-    corners.iter().enumerate().fold(0, |bits, (c, &p)| bits | u8::from(inside(p)) << c)
 }
 
 /// The vertex of `faces` that is seen nearest to `p`; dead faces are passed over. `position` gives final positions.

@@ -43,7 +43,7 @@ impl Tissue {
 
     /// Appends a corner that stands at `n.position` now, moved by what moves `n`'s first parent. It hangs on the skin; where bones move
     /// nothing, or it lies in no body, it is a base vertex with that parent's bones. `made` lists the edit's vertices, whose
-    /// influences are not known yet.
+    /// influences are not known yet; call [`super::chords::ChordScratch::begin`] with it first.
     pub(super) fn push_corner(&mut self, n: &NewVertex, made: &[NewVertex]) -> VertexId {
         let parent = n.parents[0].0;
         if parent.is_none() {
@@ -51,7 +51,7 @@ impl Tissue {
         }
         let skinned = n.position - self.moved_by(parent, made);
         let mut chords = std::mem::take(&mut self.scratch.chords);
-        let hanging = self.hang(parent, skinned, made, &mut chords);
+        let hanging = self.hang(skinned, n.position, made, &mut chords);
         self.scratch.chords = chords;
         if let Some(hanging) = hanging {
             return self.rows.push_embedded(&hanging);
