@@ -242,7 +242,7 @@ pub(crate) fn read_uri(uri: &str, folder: Option<&Path>) -> Result<Vec<u8>, Stri
     }
     let folder = folder.ok_or("files beside the model cannot be read here")?;
     let path = folder.join(percent_decoded(uri));
-    std::fs::read(&path).map_err(|e| format!("\"{}\": {e}", path.display()))
+    super::read_named(&path).map_err(|e| format!("\"{}\": {e}", path.display()))
 }
 
 fn percent_decoded(uri: &str) -> String {
@@ -318,6 +318,12 @@ mod tests {
         assert!(matches!(with(r#"{"byteLength":4,"uri":"data:;base64,!"}"#), Some(FormatError::MissingBuffer { .. })));
         assert!(matches!(with(r#"{"byteLength":9,"uri":"data:;base64,AAAA"}"#), Some(FormatError::Truncated { .. })));
         assert!(with(r#"{"byteLength":3,"uri":"data:;base64,AAAA"}"#).is_none());
+        // a device or a pipe may never end
+        #[cfg(unix)]
+        for uri in ["/dev/zero", "/dev/null"] {
+            let error = read_uri(uri, Some(Path::new("."))).unwrap_err();
+            assert!(error.contains("no regular file"), "{error}");
+        }
         assert_eq!(percent_decoded("a%20b%zz%"), "a b%zz%");
     }
 }

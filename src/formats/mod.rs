@@ -125,6 +125,11 @@ fn load_file(path: &Path) -> Result<Model, FormatError> {
     load_bytes(&bytes, format, &name, path.parent())
 }
 
+/// A file that another one names: not what may never end, such as a device or a pipe.
+fn read_named(path: &Path) -> std::io::Result<Vec<u8>> {
+    if std::fs::metadata(path)?.is_file() { std::fs::read(path) } else { Err(std::io::Error::other("this is no regular file")) }
+}
+
 fn load_bytes(bytes: &[u8], format: Format, name: &str, folder: Option<&Path>) -> Result<Model, FormatError> {
     match format {
         Format::Gltf => gltf_import::read(bytes, name, folder),

@@ -22,7 +22,7 @@ pub(crate) fn read(text: &str, folder: &Path, warnings: &mut Vec<String>) -> Vec
             ("Tr", &[transparency, ..]) => material.base_colour[3] = 1.0 - transparency,
             ("map_Kd", _) => {
                 let name = texture_name(rest);
-                let picture = std::fs::read(folder.join(name)).map_err(|e| e.to_string()).and_then(|bytes| decode(&bytes));
+                let picture = super::read_named(&folder.join(name)).map_err(|e| e.to_string()).and_then(|bytes| decode(&bytes));
                 match picture {
                     Ok(texture) => {
                         material.texture = Some(Arc::new(texture));

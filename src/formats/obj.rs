@@ -190,7 +190,7 @@ impl Reader<'_> {
 
     fn load_library(&mut self, name: &str) {
         let Some(folder) = self.folder else { return };
-        match std::fs::read(folder.join(name)) {
+        match super::read_named(&folder.join(name)) {
             Ok(bytes) => {
                 let found = mtl::read(&String::from_utf8_lossy(&bytes), folder, &mut self.warnings);
                 for material in found {
