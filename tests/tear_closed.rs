@@ -1,6 +1,8 @@
 //! Closed tears: walls and floors leave a closed manifold whose volume is that of the exact boolean difference (MATHS 5.7).
 
 mod common;
+#[path = "tear_closed/flush.rs"]
+mod flush;
 #[path = "tear_closed/found.rs"]
 mod found;
 

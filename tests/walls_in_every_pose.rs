@@ -48,6 +48,8 @@ fn tear(scene: &mut Scene, by: &[DVec3]) {
 fn floors_stay_inside_the_body_while_it_bends() {
     let (mut scene, mut uncut) = beam(&TissueSettings { particles: None, ..settings(&model("beam", 800)) });
     tear(&mut scene, &[DVec3::X * -0.15, DVec3::X * 0.2]);
+    // corners of walls may lie in the skin to the last bits, on either side of it
+    let top = uncut.mesh().live_vertices().map(|v| uncut.rows().rest(v).y).fold(0.0, f64::max);
     let (mut looked_at, mut outside) = (0, 0);
     for k in 0..30 {
         // fades are over
@@ -57,7 +59,9 @@ fn floors_stay_inside_the_body_while_it_bends() {
         let duration = tissue.rig().animations[0].duration_s;
         uncut.set_pose(t, Some(0), t.rem_euclid(duration));
         let skin: Vec<_> = uncut.mesh().live_faces().map(|f| uncut.mesh().face(f).map(|v| uncut.position(v))).collect();
-        for v in tissue.mesh().live_vertices().filter(|&v| common::is_deep(tissue.mesh(), v)) {
+        for v in
+            tissue.mesh().live_vertices().filter(|&v| common::is_deep(tissue.mesh(), v) && tissue.rows().rest(v).y < top - 1e-6)
+        {
             looked_at += 1;
             outside += usize::from(winding(tissue.position(v), &skin) < 0.5);
         }

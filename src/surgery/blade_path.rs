@@ -305,6 +305,12 @@ pub struct EntryPoint {
 pub trait Surface {
     /// Where the blade `base -> tip` enters; `None` if it does not touch the tissue.
     fn entry(&self, tip: DVec3, base: DVec3) -> Option<EntryPoint>;
+
+    /// Where the blade is to be taken to be: at `pose`, unless a box that ends there would touch the surface rather than cross it or
+    /// miss it.
+    fn clear(&self, pose: BladePose) -> BladePose {
+        pose
+    }
 }
 
 impl<F: Fn(DVec3, DVec3) -> Option<EntryPoint>> Surface for F {

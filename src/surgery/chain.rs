@@ -42,11 +42,7 @@ pub struct ChainBuilder {
 impl ChainBuilder {
     /// A builder for one stroke of `width` metres (0: a slit; negative or NaN counts as 0, callers refuse it earlier).
     pub fn new(width: f64, sampling: &Sampling) -> Self {
-        let grid = Grid::new(sampling.diagonal);
-        let slit = !(width.is_finite() && width > 0.0);
-        let nominal = if slit { sampling.distance * 1e-3 } else { width };
-        // A hair thinner than the grid resolves is cut as the thinnest box that the grid holds well.
-        let maker = Maker::new(nominal.max(grid.step * 1024.0), slit, grid);
+        let maker = Maker::new(width, sampling);
         Self { maker, last: None, lanes: Vec::new(), before: Vec::new(), outside: None, is_leaving: false }
     }
 
@@ -55,6 +51,11 @@ impl ChainBuilder {
         self.lanes.clear();
         let new = Self::new(width, sampling);
         Self { maker: new.maker.with_rooms_of(self.maker), lanes: self.lanes, before: self.before, ..new }
+    }
+
+    /// Boxes that come are of `width` metres; slits stay slits.
+    pub fn set_width(&mut self, width: f64, sampling: &Sampling) {
+        self.maker.set_width(width, sampling);
     }
 
     /// Stretches that no valid box could be made for, so far.

@@ -3,6 +3,7 @@
 //! A lane may be a part of the blade only: while the blade turns about a point of its own, what is below that point and what
 //! is above go their ways side by side, each a lane with a chain of its own. Consecutive boxes of a lane share a joint.
 
+use super::blade_path::Sampling;
 use super::boxes::{
     Grid, HalfSpace, Hull, JointFrame, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, boxes_apart, hull,
 };
@@ -328,9 +329,28 @@ impl Lane {
 }
 
 impl Maker {
-    /// For boxes of `width` metres, or slits, on a grid.
-    pub(super) fn new(width: f64, slit: bool, grid: Grid) -> Self {
-        Self { width, slit, grid, next_serial: 0, next_joint: 0, next_plane: 0, next_chain: 0, skipped: 0, spare: Vec::new() }
+    /// For boxes of `width` metres; slits with 0, less or NaN.
+    pub(super) fn new(width: f64, sampling: &Sampling) -> Self {
+        let (slit, grid) = (!(width.is_finite() && width > 0.0), Grid::new(sampling.diagonal));
+        let mut maker = Self {
+            width,
+            slit,
+            grid,
+            next_serial: 0,
+            next_joint: 0,
+            next_plane: 0,
+            next_chain: 0,
+            skipped: 0,
+            spare: Vec::new(),
+        };
+        maker.set_width(width, sampling);
+        maker
+    }
+
+    /// A hair thinner than the grid resolves is cut as the thinnest box that the grid holds well.
+    pub(super) fn set_width(&mut self, width: f64, sampling: &Sampling) {
+        let nominal = if self.slit { sampling.distance * 1e-3 } else { width };
+        self.width = nominal.max(self.grid.step * 1024.0);
     }
 
     /// Another's rooms, which it needs no more.

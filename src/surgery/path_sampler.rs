@@ -44,14 +44,21 @@ pub struct ClippedSample {
 impl ClippedSample {
     /// Casts the blade at `surface` and clips it to [entry point - margin, tip].
     pub fn clip(sample: &PathSample, surface: &(impl Surface + ?Sized), sampling: &Sampling) -> Self {
-        let BladePose { tip, base, .. } = sample.pose;
+        let pose = surface.clear(sample.pose);
+        let BladePose { tip, base, .. } = pose;
         let length = (base - tip).length();
-        let top = surface.entry(tip, base).filter(|e| e.s.is_finite()).map(|e| {
+        let entered = |pose: BladePose| surface.entry(pose.tip, pose.base).filter(|e| e.s.is_finite());
+        let mut entry = entered(pose);
+        if let (Some(e), true) = (&mut entry, pose != sample.pose) {
+            // a blade in a face enters where that begins
+            e.s = entered(sample.pose).map_or(e.s, |touched| touched.s.min(e.s));
+        }
+        let top = entry.map(|e| {
             let rise = if e.rise.is_finite() { e.rise.max(0.0) } else { 0.0 };
             let above = length * e.s.clamp(0.0, 1.0) - sampling.entry_margin - rise;
             if above <= 0.0 { base } else { base + (tip - base) * (above / length) }
         });
-        Self { pose: sample.pose, kind: sample.kind, top, raise: 0.0 }
+        Self { pose, kind: sample.kind, top, raise: 0.0 }
     }
 }
 

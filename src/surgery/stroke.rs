@@ -47,6 +47,11 @@ impl Stroke {
         Self { sampling, sampler, builder, previous: None, samples: self.samples }
     }
 
+    /// Boxes that come are of `width` metres. Before the first pose.
+    pub fn set_width(&mut self, width: f64) {
+        self.builder.set_width(width, &self.sampling);
+    }
+
     /// Takes the next pose; `surface` is the tissue as it is now. Appends the segments that are complete.
     pub fn push(&mut self, pose: BladePose, surface: &(impl Surface + ?Sized), out: &mut Vec<TearSegment>) {
         self.samples.clear();

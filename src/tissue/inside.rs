@@ -1,9 +1,78 @@
-//! Whether points lie inside the tissue as it stands: by a look along a line.
+//! Where points and blades lie to the tissue as it stands: where they enter, inside or outside, or in its skin.
 
 use super::Tissue;
 use super::positions::PositionCache;
-use crate::surgery::TearBox;
+use super::surface::segment_meets_box;
+use crate::surgery::{BladePose, EntryPoint, Surface, TearBox};
 use glam::DVec3;
+
+/// How far from the skin a blade of a closed tear is kept that would lie or end in it, and how much wider its boxes are, as a
+/// fraction of the diagonal. What is half as near as that counts as in the skin.
+pub(super) const CLEARANCE: f64 = 2e-8;
+
+/// A tissue as a blade meets it.
+pub(super) struct Seen<'a> {
+    pub(super) tissue: &'a Tissue,
+    pub(super) positions: &'a PositionCache,
+    /// Width and clearance of boxes with walls, metres.
+    pub(super) walled: Option<(f64, f64)>,
+}
+
+impl Surface for Seen<'_> {
+    fn entry(&self, tip: DVec3, base: DVec3) -> Option<EntryPoint> {
+        let found = self.tissue.blade_entry_at(tip, base, |v| self.positions.of(self.tissue, v));
+        found.map(|(s, _)| EntryPoint { s, rise: 0.0 })
+    }
+
+    /// In a closed tear a blade that lies or ends in a face of the skin, to within rounding, is taken to be a little outside: walls of
+    /// a box that touches the skin would lie in it, or stand in the air behind it, as rounding has it.
+    fn clear(&self, pose: BladePose) -> BladePose {
+        let Some((width, clearance)) = self.walled else { return pose };
+        let near = 0.5 * clearance;
+        let (tip, base) = (pose.tip, pose.base);
+        let mut outward = [DVec3::ZERO; 2];
+        // as far along this normal as along those before it, which it need not be square to
+        let push = |by: &mut DVec3, normal: DVec3| *by += normal * (clearance - by.dot(normal)).max(0.0);
+        let reach = width + near;
+        for f in self.tissue.faces_where(move |low, high| segment_meets_box(tip, base, low - reach, high + reach)) {
+            if self.tissue.mesh.face_info(f).is_interior() {
+                continue;
+            }
+            let [a, b, c] = self.tissue.mesh.face(f).map(|v| self.positions.of(self.tissue, v));
+            let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
+            let above = |s: f64| normal.dot(tip.lerp(base, s) - a);
+            let Some((low, high)) = part_over([a, b, c], normal, reach, tip, base) else { continue };
+            let [low_in, high_in] = [low, high].map(|s| above(s).abs() <= near);
+            let along = low_in && high_in;
+            if along || low_in && low == 0.0 {
+                push(&mut outward[0], normal);
+            }
+            if along || high_in && high == 1.0 {
+                push(&mut outward[1], normal);
+            }
+        }
+        BladePose { tip: tip + outward[0], base: base + outward[1], ..pose }
+    }
+}
+
+/// The part of the segment `tip -> base` that lies over or under a triangle, or up to `reach` metres beside it: parameters.
+fn part_over([a, b, c]: [DVec3; 3], normal: DVec3, reach: f64, tip: DVec3, base: DVec3) -> Option<(f64, f64)> {
+    let (mut low, mut high) = (0.0f64, 1.0f64);
+    for (from, to) in [(a, b), (b, c), (c, a)] {
+        let inward = normal.cross(to - from).normalize_or_zero();
+        let (at_tip, at_base) = (inward.dot(tip - from) + reach, inward.dot(base - from) + reach);
+        if at_tip < 0.0 && at_base < 0.0 {
+            return None;
+        }
+        let crossing = at_tip / (at_tip - at_base);
+        if at_tip < 0.0 {
+            low = low.max(crossing);
+        } else if at_base < 0.0 {
+            high = high.min(crossing);
+        }
+    }
+    (low <= high).then_some((low, high))
+}
 
 /// True if a box that no face reaches lies inside the solid. It leaves no void there, so it is none of the boxes that the wound is
 /// made of.
@@ -22,12 +91,18 @@ fn is_inside(tissue: &Tissue, positions: &PositionCache, (low, high): (DVec3, DV
     tissue.blade_entry_at(far, p, |v| positions.of(tissue, v)).is_some_and(|(s, _)| s == 0.0)
 }
 
-/// Corners of a box (bits) that lie inside the tissue, looked at from a little within the box: it may share planes with walls.
+/// Corners of a box (bits) that lie inside the tissue. They are looked at from a little within the box, since it may share planes with
+/// walls; skin between is no such wall.
 pub(super) fn corners_inside(tissue: &Tissue, positions: &PositionCache, corners: &[DVec3; 8]) -> u8 {
     let centre = corners.iter().sum::<DVec3>() / 8.0;
     // in no plane that a blade is likely to move in
     let way = DVec3::new(0.536_1, 0.741_7, 0.403_3).normalize();
     let extent = tissue.sections_extent();
-    let inside = |p: &DVec3| is_inside(tissue, positions, extent, p.lerp(centre, 0.02), way);
+    let inside = |&p: &DVec3| {
+        let within = p.lerp(centre, 0.02);
+        let met = tissue.blade_entry_at(p, within, |v| positions.of(tissue, v));
+        let is_past_skin = met.is_some_and(|(_, f)| !tissue.mesh.face_info(f).is_interior());
+        is_inside(tissue, positions, extent, within, way) != is_past_skin
+    };
     corners.iter().enumerate().fold(0, |bits, (c, p)| bits | u8::from(inside(p)) << c)
 }

@@ -7,7 +7,7 @@ mod slit_stroke;
 #[path = "stroke_room.rs"]
 mod stroke_room;
 
-use super::inside::{corners_inside, is_buried};
+use super::inside::{CLEARANCE, Seen, corners_inside, is_buried};
 use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
 use crate::diagnostics::Stages;
@@ -15,7 +15,7 @@ use crate::geometry::{Distinct, FaceId, VertexId};
 use crate::particles::LipVertex;
 use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
 use crate::surgery::tear_walls::WallSpec;
-use crate::surgery::{BladePose, EntryPoint, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
+use crate::surgery::{BladePose, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
 use box_planes::BoxPlanes;
 use glam::{DMat3, DVec3};
 use slit_stroke::SlitState;
@@ -141,6 +141,10 @@ pub struct TearStroke {
     /// The tissue has moved since the pending quads were tied.
     moved: bool,
     wall: WallMode,
+    /// As it was asked for, metres.
+    width: f64,
+    /// How far boxes with walls keep from faces that they would touch, metres.
+    clearance: f64,
     /// Vertices around what a closed tear has joined.
     joined: Vec<VertexId>,
 }
@@ -175,6 +179,8 @@ impl TearStroke {
             removed: Vec::new(),
             moved: false,
             wall: WallMode::Open,
+            width,
+            clearance: CLEARANCE * tissue.diagonal(),
             joined: Vec::new(),
         }
     }
@@ -192,7 +198,8 @@ impl TearStroke {
         self.positions.forget();
         self.slits.begin();
         let slit = tissue.layer().map_or(0, |l| l.strips.next_slit());
-        Self { stroke: self.stroke.again(width, sampling), slit, moved: false, ..self }
+        let (wall, clearance) = (self.wall, CLEARANCE * tissue.diagonal());
+        Self { stroke: self.stroke.again(width, sampling), slit, moved: false, width, clearance, ..self }.walled(wall)
     }
 
     /// The same with walls and a floor, or without.
@@ -202,8 +209,18 @@ impl TearStroke {
     }
 
     /// What lines the boxes that come.
+    ///
+    /// Boxes with walls are wider by a hair (1e-3 of the width at most): sides that a model's faces lie in would leave films of
+    /// tissue, or shells of walls in the air.
     pub fn set_wall(&mut self, wall: WallMode) {
         self.wall = wall;
+        let wider = if wall == WallMode::Closed { self.clearance.min(1e-3 * self.width) } else { 0.0 };
+        self.stroke.set_width(self.width + wider);
+    }
+
+    /// Width and clearance of the boxes, if they have walls.
+    fn walled_by(&self) -> Option<(f64, f64)> {
+        (self.wall == WallMode::Closed).then_some((self.width, self.clearance))
     }
 
     /// Takes the next blade pose (tissue space) and tears as far as it allows: a box is committed when the sample after its
@@ -214,7 +231,8 @@ impl TearStroke {
         self.follow_tissue(tissue);
         self.stroke.close_left(&mut self.segments);
         self.tear_segments(tissue);
-        self.stroke.push(pose, &entries(tissue, &self.positions), &mut self.segments);
+        let seen = Seen { tissue, positions: &self.positions, walled: self.walled_by() };
+        self.stroke.push(pose, &seen, &mut self.segments);
         self.tear_segments(tissue);
         self.tie_quads(tissue);
     }
@@ -224,7 +242,8 @@ impl TearStroke {
         tissue.refresh_sections();
         self.positions.refresh(tissue);
         self.follow_tissue(tissue);
-        self.stroke.release(&entries(tissue, &self.positions), &mut self.segments);
+        let seen = Seen { tissue, positions: &self.positions, walled: self.walled_by() };
+        self.stroke.release(&seen, &mut self.segments);
         self.tear_segments(tissue);
         let parted = tissue.part_double_edges(&mut self.joined);
         self.joined.clear();
@@ -559,14 +578,6 @@ fn nearest_of(tissue: &Tissue, vertices: &[VertexId], p: DVec3, position: &impl 
 fn nearest(vertices: impl Iterator<Item = VertexId>, p: DVec3, position: &impl Fn(VertexId) -> DVec3) -> Option<VertexId> {
     let near = vertices.map(|v| (position(v).distance_squared(p), v));
     near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|n| n.1)
-}
-
-/// Where blades enter the tissue as it is now.
-fn entries<'a>(tissue: &'a Tissue, positions: &'a PositionCache) -> impl Fn(DVec3, DVec3) -> Option<EntryPoint> + 'a {
-    move |tip, base| {
-        let found = tissue.blade_entry_at(tip, base, |v| positions.of(tissue, v));
-        found.map(|(s, _)| EntryPoint { s, rise: 0.0 })
-    }
 }
 
 /// Turns normals near a vertex into normals at rest: the transpose of the blended matrix (MATHS 2.3).

@@ -130,7 +130,7 @@ impl Tissue {
 }
 
 /// False only if the segment `p -> q` misses the box.
-fn segment_meets_box(p: DVec3, q: DVec3, low: DVec3, high: DVec3) -> bool {
+pub(super) fn segment_meets_box(p: DVec3, q: DVec3, low: DVec3, high: DVec3) -> bool {
     let (half, half_way) = ((high - low) / 2.0, (q - p) / 2.0);
     let (middle, reach) = ((p + q) / 2.0 - (low + high) / 2.0, half_way.abs());
     if middle.abs().cmpgt(half + reach).any() {
