@@ -409,7 +409,7 @@ impl Scene {
             report.vertices = sums.values().map(|s| s.vertices).sum();
             report.faces = sums.values().map(|s| s.measures.faces).sum();
             let piece = |(id, side)| Some(piece_report(id, tissues.get(&id)?, sums.get(&id)?, side));
-            report.pieces = sides.into_iter().filter_map(piece).collect();
+            report.pieces = sides.into_iter().filter_map(piece).filter(|p| p.faces > 0).collect();
         });
         report.measuring = measuring;
         if report.kind == "cut" {

@@ -95,7 +95,7 @@ pub struct EditReport {
     pub vertices: usize,
     /// Live faces after it, all tissues.
     pub faces: usize,
-    /// The pieces: positive side first, then by area, ties by lowest original face.
+    /// The pieces: positive side first, then by area, ties by lowest original face. None is what a tear has taken out whole.
     pub pieces: Vec<PieceReport>,
     /// Vertices inserted.
     pub new_vertices: usize,

@@ -214,3 +214,30 @@ fn a_blade_that_retraces_its_slit_but_for_rounding_takes_out_no_more() {
     };
     check_stroke("heart", 500, &path).unwrap();
 }
+
+/// Boxes wider than the model, with walls and without: nothing is left, nothing goes wrong with nothing, and an undo brings it back.
+#[test]
+fn a_model_may_be_swallowed_whole() {
+    for wall in [WallMode::Open, WallMode::Closed] {
+        let (mut scene, positions, _) = still_scene("sphere", 768);
+        let (low, high) = bounds(&positions);
+        let (middle, reach) = ((low + high) / 2.0, (high - low).length());
+        let through = [-1.0, -0.2, 0.2, 1.0].map(|u| {
+            let tip = middle + DVec3::new(u, -1.0, 0.0) * reach;
+            BladePose { t: u + 1.0, tip, base: tip + DVec3::Y * 2.0 * reach }
+        });
+        let before = scene.edit_hash();
+        scene.set_wall(wall);
+        let report = stroke(&mut scene, 2.0 * reach, &through);
+        assert_eq!((report.outcome, report.faces, report.pieces.len()), (Outcome::Torn, 0, 0), "{wall:?}");
+        let again = stroke(&mut scene, 2.0 * reach, &through);
+        assert_eq!((again.outcome, again.pieces.len()), (Outcome::Missed, 0));
+        scene.pose(0.1, 0.1);
+        scene.step(0.02);
+        assert_eq!(scene.validate(), Ok(()));
+        scene.edit(EditCommand::Undo);
+        assert_eq!(scene.edit_hash(), before);
+        let restored = scene.edit(EditCommand::Redo).pop().unwrap();
+        assert_eq!((restored.faces, restored.pieces.len()), (0, 0));
+    }
+}
