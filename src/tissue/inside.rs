@@ -2,7 +2,8 @@
 
 use super::Tissue;
 use super::positions::PositionCache;
-use super::surface::segment_meets_box;
+use super::surface::{segment_meets_box, segment_triangle};
+use crate::geometry::FaceId;
 use crate::surgery::{BladePose, EntryPoint, Surface, TearBox};
 use glam::DVec3;
 
@@ -91,18 +92,43 @@ fn is_inside(tissue: &Tissue, positions: &PositionCache, (low, high): (DVec3, DV
     tissue.blade_entry_at(far, p, |v| positions.of(tissue, v)).is_some_and(|(s, _)| s == 0.0)
 }
 
+/// How far from a corner towards the middle of its box, of the whole way, the look from there begins.
+const PULLED: f64 = 0.02;
+
 /// Corners of a box (bits) that lie inside the tissue. They are looked at from a little within the box, since it may share planes with
-/// walls; skin between is no such wall.
-pub(super) fn corners_inside(tissue: &Tissue, positions: &PositionCache, corners: &[DVec3; 8]) -> u8 {
+/// walls; skin between is no such wall. `near` are all faces that reach into the box. Looks go to the middle of the box, and on through
+/// the body only from there.
+pub(super) fn corners_inside(tissue: &Tissue, positions: &PositionCache, corners: &[DVec3; 8], near: &[FaceId]) -> u8 {
     let centre = corners.iter().sum::<DVec3>() / 8.0;
-    // in no plane that a blade is likely to move in
-    let way = DVec3::new(0.536_1, 0.741_7, 0.403_3).normalize();
-    let extent = tissue.sections_extent();
-    let inside = |&p: &DVec3| {
-        let within = p.lerp(centre, 0.02);
-        let met = tissue.blade_entry_at(p, within, |v| positions.of(tissue, v));
-        let is_past_skin = met.is_some_and(|(_, f)| !tissue.mesh.face_info(f).is_interior());
-        is_inside(tissue, positions, extent, within, way) != is_past_skin
+    // the first face beyond the beginning, and whether it is seen from within; the last before it, and whether it is skin
+    let mut first: [Option<(f64, FaceId, bool)>; 8] = [None; 8];
+    let mut passed: [Option<(f64, FaceId, bool)>; 8] = [None; 8];
+    let [low, high] = corners.iter().fold([centre; 2], |[low, high], p| [low.min(*p), high.max(*p)]);
+    for &f in near {
+        let face = tissue.mesh.face(f).map(|v| positions.of(tissue, v));
+        let [a, b, c] = face;
+        if a.min(b).min(c).cmpgt(high).any() || a.max(b).max(c).cmplt(low).any() {
+            continue;
+        }
+        for (k, &p) in corners.iter().enumerate() {
+            let Some(s) = segment_triangle(p, centre, face) else { continue };
+            if s < PULLED {
+                if passed[k].is_none_or(|last| (s, f) > (last.0, last.1)) {
+                    passed[k] = Some((s, f, !tissue.mesh.face_info(f).is_interior()));
+                }
+            } else if first[k].is_none_or(|best| (s, f) < (best.0, best.1)) {
+                first[k] = Some((s, f, (b - a).cross(c - a).dot(centre - p) > 0.0));
+            }
+        }
+    }
+    let mut at_centre = None;
+    let mut inside = |k: usize| {
+        let within = first[k].map(|met| met.2).unwrap_or_else(|| {
+            // in no plane that a blade is likely to move in
+            let way = DVec3::new(0.536_1, 0.741_7, 0.403_3).normalize();
+            *at_centre.get_or_insert_with(|| is_inside(tissue, positions, tissue.sections_extent(), centre, way))
+        });
+        within != passed[k].is_some_and(|met| met.2)
     };
-    corners.iter().enumerate().fold(0, |bits, (c, p)| bits | u8::from(inside(p)) << c)
+    (0..8).fold(0, |bits, k| bits | u8::from(inside(k)) << k)
 }

@@ -430,7 +430,7 @@ impl TearStroke {
         let is_closed = self.wall == WallMode::Closed;
         planes.faces_within(tissue, (low - margin, high + margin), &mut self.candidates);
         if is_closed && (planes.start == 0 || self.meets_old_walls(tissue, planes, before)) {
-            planes.facets.seen_inside = Some(corners_inside(tissue, &self.positions, &planes.facets.corners));
+            planes.facets.seen_inside = Some(corners_inside(tissue, &self.positions, &planes.facets.corners, &self.candidates));
         }
         let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
         let (at, seen) = (tear_box.blades[1][1], &self.positions);

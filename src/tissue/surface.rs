@@ -146,7 +146,7 @@ pub(super) fn segment_meets_box(p: DVec3, q: DVec3, low: DVec3, high: DVec3) -> 
 
 /// Parameter at which the segment `p -> q` meets a triangle, edges and corners included; `None` if it does not, or lies in its
 /// plane.
-fn segment_triangle(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
+pub(super) fn segment_triangle(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     if p.min(q).cmpgt(high).any() || p.max(q).cmplt(low).any() {
         return None;
