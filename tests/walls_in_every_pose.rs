@@ -85,3 +85,31 @@ fn a_strip_ends_not_far_above_the_wound() {
         .collect();
     assert!(heights.len() > 10 && heights.iter().all(|&h| h < 0.3), "{heights:.3?}");
 }
+
+/// A blade that goes along its own axis, the length of the beam, while that bends: skin gathers in folds where it enters.
+#[test]
+fn a_stab_along_a_bending_beam_does_not_double_its_walls() {
+    let bundled = model("beam", 2_800);
+    let settings = TissueSettings { particles: None, ..settings(&bundled) };
+    let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: Some(0.001_87), sample_time: None };
+    let mut scene = Scene::new(Tissue::new(bundled, &settings).unwrap(), tools);
+    scene.set_wall(WallMode::Closed);
+    scene.set_animation(Some(0));
+    scene.edit(EditCommand::StrokeBegin { width: 0.003_12 });
+    let (tip, base) = (DVec3::new(0.198_02, 0.020_44, -0.023_6), DVec3::new(0.678_34, 0.330_38, -0.106_07));
+    let (to_tip, to_base) = (DVec3::new(0.162_36, 0.004_59, -0.025_86), DVec3::new(0.656_27, 0.258_49, -0.099_77));
+    let stroke = |scene: &mut Scene, u: f64| {
+        let (tip, base) = (tip.lerp(to_tip, u), base.lerp(to_base, u));
+        scene.edit(EditCommand::StrokePose(BladePose { t: 0.005_65 * u, tip, base }));
+    };
+    scene.pose(6.0 / 90.0, 6.0 / 90.0);
+    stroke(&mut scene, 0.0);
+    stroke(&mut scene, 0.17);
+    scene.pose(7.0 / 90.0, 7.0 / 90.0);
+    stroke(&mut scene, 0.67);
+    let report = scene.edit(EditCommand::StrokeEnd).pop().unwrap();
+    assert_eq!(scene.validate(), Ok(()));
+    let walls: usize = report.segments.iter().map(|s| s.wall_faces).sum();
+    // with the folds cut again by every box, 1,667 and 24 shreds
+    assert!(report.segments.len() > 12 && walls < 800 && report.pieces.len() == 1, "{walls}, {:?}", report.pieces);
+}

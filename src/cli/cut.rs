@@ -125,6 +125,9 @@ impl Cut {
     }
 }
 
+/// No model reaches as far, and products with it are finite.
+const FARTHEST: f64 = 1e150;
+
 /// Parses `nx,ny,nz,d`.
 fn parse_plane(text: &str) -> Result<Plane, CliError> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
@@ -139,8 +142,10 @@ fn parse_plane(text: &str) -> Result<Plane, CliError> {
         return Err(bad("the normal is zero"));
     }
     // a normal of ordinary length keeps the exact predicates away from under- and overflow
-    let scale = 2f64.powi(-(normal.abs().max_element().log2().floor() as i32));
-    Ok(Plane::Equation { normal: normal * scale, offset: d * scale })
+    let exponent = -(normal.abs().max_element().log2().floor() as i32);
+    // in two steps: no power of two brings the smallest numbers up in one
+    let [a, b] = [exponent / 2, exponent - exponent / 2].map(|e| 2f64.powi(e));
+    Ok(Plane::Equation { normal: normal * a * b, offset: (d * a * b).clamp(-FARTHEST, FARTHEST) })
 }
 
 /// Parses the corners of a bounded cut and drops them onto the plane.
@@ -189,6 +194,11 @@ mod tests {
     #[test]
     fn planes_parse_or_say_why_not() {
         assert!(matches!(parse_plane("1, 0.3,0.2,-1"), Ok(Plane::Equation { .. })));
+        for text in ["5e-324,0,0,0", "1e-310,1e-311,0,1", "1e308,0,-1e308,-1e308"] {
+            let plane = parse_plane(text);
+            let is_sound = |p: &Plane| matches!(p, Plane::Equation { normal, offset } if normal.is_finite() && normal.length() >= 1.0 && offset.is_finite());
+            assert!(plane.as_ref().is_ok_and(is_sound), "{text}: {plane:?}");
+        }
         let why = |text: &str| match parse_plane(text) {
             Err(CliError::Input(message)) => message,
             other => panic!("{other:?}"),

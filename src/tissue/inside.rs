@@ -92,6 +92,21 @@ fn is_inside(tissue: &Tissue, positions: &PositionCache, (low, high): (DVec3, DV
     tissue.blade_entry_at(far, p, |v| positions.of(tissue, v)).is_some_and(|(s, _)| s == 0.0)
 }
 
+/// Pieces of a face of the loaded model that one box may leave around it.
+const CRUMPLED: usize = 48;
+
+/// True if faces of the loaded model are in so many pieces around a box, among those it has put in, that the skin must lie in folds
+/// there. Where tissue runs along the blade, boxes that reach back would cut the folds of those before them, twice as many with each.
+pub(super) fn is_crumpled(tissue: &Tissue, added: &[FaceId], origins: &mut Vec<u32>) -> bool {
+    let skin = added.iter().map(|&f| tissue.mesh.face_info(f)).filter(|info| !info.is_interior());
+    origins.clear();
+    origins.extend(skin.map(|info| info.origin));
+    let pieces = origins.len();
+    origins.sort_unstable();
+    origins.dedup();
+    pieces > CRUMPLED * origins.len()
+}
+
 /// How far from a corner towards the middle of its box, of the whole way, the look from there begins.
 const PULLED: f64 = 0.02;
 

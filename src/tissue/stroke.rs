@@ -7,7 +7,7 @@ mod slit_stroke;
 #[path = "stroke_room.rs"]
 mod stroke_room;
 
-use super::inside::{CLEARANCE, Seen, corners_inside, is_buried};
+use super::inside::{CLEARANCE, Seen, corners_inside, is_buried, is_crumpled};
 use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
 use crate::diagnostics::Stages;
@@ -136,6 +136,8 @@ pub struct TearStroke {
     tags: Vec<OnPlanes>,
     /// Faces that the last box put in, sorted.
     made: Vec<FaceId>,
+    /// Faces of the loaded model that what a box leaves of the skin around it comes from.
+    origins: Vec<u32>,
     lips: Vec<LipVertex>,
     removed: Vec<VertexId>,
     /// The tissue has moved since the pending quads were tied.
@@ -175,6 +177,7 @@ impl TearStroke {
             planes: BoxPlanes::default(),
             tags: Vec::new(),
             made: Vec::new(),
+            origins: Vec::new(),
             lips: Vec::new(),
             removed: Vec::new(),
             moved: false,
@@ -384,7 +387,7 @@ impl TearStroke {
         let mut hit =
             report.stages.time("perform_tear", || self.clip(tissue, tear_box, &mut planes, (&before, &tags), material, margin));
         let mut given_up = false;
-        if hit && self.step.corners_outside & TOP != 0 {
+        if hit && self.went_wrong(tissue, &planes) {
             // The joint is not where it was, or the box lies in an older slit but for rounding: what the box before has left is cut like
             // any other surface. Where lips lie through each other, or planes on each other, even that may make no sense, and skin
             // that stays is better than a wall in the air.
@@ -394,7 +397,7 @@ impl TearStroke {
             hit = report
                 .stages
                 .time("perform_tear", || self.clip(tissue, tear_box, &mut planes, (&before, &tags), material, margin));
-            if hit && self.step.corners_outside & TOP != 0 {
+            if hit && self.went_wrong(tissue, &planes) {
                 tissue.step_back();
                 self.step.clear();
                 hit = false;
@@ -414,6 +417,12 @@ impl TearStroke {
             self.boxes.push(tear_box.clone());
         }
         self.reports.push(report);
+    }
+
+    /// True if walls stand in the air, up along the blade, or line folds of the skin.
+    fn went_wrong(&mut self, tissue: &Tissue, planes: &BoxPlanes) -> bool {
+        let reaches_back = self.wall == WallMode::Closed && planes.start == 0;
+        self.step.corners_outside & TOP != 0 || reaches_back && is_crumpled(tissue, &self.step.added_faces, &mut self.origins)
     }
 
     /// Clips the box out of the mesh, and lines what that leaves. `before` and `tags` tell what the box before has left at the joint.

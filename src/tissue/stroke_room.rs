@@ -15,12 +15,13 @@ impl TearStroke {
     /// [`TearStroke::new`] with room for a usual stroke, to be taken up by [`TearStroke::again`].
     pub fn with_room(tissue: &Tissue, sampling: Sampling) -> Self {
         let mut stroke = Self::new(tissue, 0.0, sampling);
-        let Self { candidates, near, nearby, made, removed, joined, tags, lips, .. } = &mut stroke;
+        let Self { candidates, near, nearby, made, origins, removed, joined, tags, lips, .. } = &mut stroke;
         candidates.reserve(4 * SEGMENT_ROOM);
         for list in [near, nearby, removed] {
             list.reserve(SEGMENT_ROOM);
         }
         made.reserve(SEGMENT_ROOM);
+        origins.reserve(SEGMENT_ROOM);
         joined.reserve(SEGMENTS * 16);
         tags.reserve(SEGMENT_ROOM);
         lips.reserve(SEGMENT_ROOM);
