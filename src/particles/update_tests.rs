@@ -434,7 +434,7 @@ fn a_pull_goes_round_the_ends_of_a_slit() {
     let share = |patient: &Patient, a: [f64; 2], b: [f64; 2]| {
         let mut ways = WaysRound::default();
         ways.find(&patient.mesh, &patient.strips, &patient.rest, settings.wound.spacing);
-        let share = |a, b| ways.share(&patient.strips, &patient.rest, a, b);
+        let share = |a, b| ways.share(&patient.strips, &patient.rest, a, b, usize::MAX);
         let ends = [at(patient, a[0], a[1]), at(patient, b[0], b[1])];
         assert_eq!(share(ends[0], ends[1]), share(ends[1], ends[0]));
         share(ends[0], ends[1])

@@ -102,13 +102,13 @@ impl WaysRound {
         None
     }
 
-    /// The share of a pull between two vertices that strips leave: 1 where none parts them, 0 where there is no way round.
-    pub fn share(&self, strips: &Strips, rest: &[DVec3], a: VertexId, b: VertexId) -> f64 {
+    /// The share of a pull between two vertices that strips before `open` leave: 1 where none parts them, 0 where there is no way round.
+    pub fn share(&self, strips: &Strips, rest: &[DVec3], a: VertexId, b: VertexId, open: usize) -> f64 {
         let (mut between, mut count) = ([0; MOST_SLITS], 0);
         let mut is_lost = false;
         strips.each_crossed(rest, a, b, |k| {
             let slit = strips.slit_start(k);
-            if !between[..count].contains(&slit) {
+            if k < open && !between[..count].contains(&slit) {
                 is_lost |= count == MOST_SLITS;
                 if !is_lost {
                     between[count] = slit;

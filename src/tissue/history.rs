@@ -54,6 +54,7 @@ impl Tissue {
             None => Vec::new(),
         };
         let inverse = deltas.into_iter().rev().map(|delta| Arc::new(self.apply(Arc::unwrap_or_clone(delta)))).collect();
+        self.scratch.under_blade = None;
         self.follow_rows();
         self.sync_network();
         self.refresh_turns();

@@ -31,8 +31,18 @@ impl Tissue {
     pub fn step(&mut self, step_s: f64) {
         self.push_particles(step_s);
         let Some(layer) = &mut self.layer else { return };
-        let TissueScratch { step, rest_displacements, grabs, anchors_held, followed, followers, ways_round, rests, .. } =
-            &mut self.scratch;
+        let TissueScratch {
+            step,
+            rest_displacements,
+            grabs,
+            anchors_held,
+            followed,
+            followers,
+            ways_round,
+            rests,
+            under_blade,
+            ..
+        } = &mut self.scratch;
         let stands = !layer.network.awake() && !layer.is_opening() && grabs.is_empty();
         let now = Some([self.versions.pose, self.versions.structure]);
         if stands && *rests == now {
@@ -59,9 +69,10 @@ impl Tissue {
         for (p, &anchor) in map.anchors.iter().enumerate() {
             let mut displacement = opened(p);
             if !followed.is_empty() && anchor.is_some() {
-                // a lip does not follow the hand that pulls at the other, but as far as the pull goes round the wound
+                // a lip does not follow the hand that pulls at the other, but as far as the pull goes round the wound; while the blade is
+                // at work it does, or would fall back into its way
                 let near = |k: usize| few || followed[k].0.distance(rest[anchor.index()]) < settings.reach();
-                let share = |k: usize| ways_round.share(strips, rest, anchor, anchors_held[k]);
+                let share = |k: usize| ways_round.share(strips, rest, anchor, anchors_held[k], under_blade.unwrap_or(usize::MAX));
                 let reaches = |k: usize| if strips.is_empty() || !near(k) { 1.0 } else { share(k) };
                 displacement += followers.target(p, rest[anchor.index()], reaches);
             }

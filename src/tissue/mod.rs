@@ -185,6 +185,8 @@ struct TissueScratch {
     followed: Vec<(DVec3, DVec3)>,
     followers: Followers,
     ways_round: WaysRound,
+    /// The first strip of the blade that is in the tissue, if one is.
+    under_blade: Option<usize>,
     turns: rotation::TurnScratch,
     chords: chords::ChordScratch,
     /// Versions of the pose and of the structure for which all particles are at rest, and told where that is.

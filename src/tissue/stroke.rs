@@ -112,7 +112,9 @@ pub struct TearStroke {
     /// The last boxes, newest last: two chains take turns where the blade turns about a point of its own.
     ended: Vec<Ended>,
     spare_ended: Vec<Ended>,
+    /// The number of its first slit, and its first strip.
     slit: u32,
+    first_strip: usize,
     candidates: Vec<FaceId>,
     /// Vertices that the last box touched or made, as far as they live.
     near: Vec<VertexId>,
@@ -143,9 +145,8 @@ pub struct TearStroke {
     /// The tissue has moved since the pending quads were tied.
     moved: bool,
     wall: WallMode,
-    /// As it was asked for, metres.
+    /// As it was asked for, and how far boxes with walls keep from faces that they would touch, metres.
     width: f64,
-    /// How far boxes with walls keep from faces that they would touch, metres.
     clearance: f64,
     /// Vertices around what a closed tear has joined.
     joined: Vec<VertexId>,
@@ -160,6 +161,7 @@ impl TearStroke {
             ended: Vec::new(),
             spare_ended: Vec::new(),
             slit: tissue.layer().map_or(0, |l| l.strips.next_slit()),
+            first_strip: tissue.layer().map_or(0, |l| l.strips.len()),
             candidates: Vec::new(),
             near: Vec::new(),
             nearby: Vec::new(),
@@ -200,9 +202,10 @@ impl TearStroke {
         self.deltas.clear();
         self.positions.forget();
         self.slits.begin();
-        let slit = tissue.layer().map_or(0, |l| l.strips.next_slit());
+        let (slit, first_strip) = tissue.layer().map_or((0, 0), |l| (l.strips.next_slit(), l.strips.len()));
         let (wall, clearance) = (self.wall, CLEARANCE * tissue.diagonal());
-        Self { stroke: self.stroke.again(width, sampling), slit, moved: false, width, clearance, ..self }.walled(wall)
+        Self { stroke: self.stroke.again(width, sampling), slit, first_strip, moved: false, width, clearance, ..self }
+            .walled(wall)
     }
 
     /// The same with walls and a floor, or without.
@@ -229,6 +232,7 @@ impl TearStroke {
     /// Takes the next blade pose (tissue space) and tears as far as it allows: a box is committed when the sample after its
     /// end has come (MATHS 5.4).
     pub fn push(&mut self, tissue: &mut Tissue, pose: BladePose) {
+        tissue.scratch.under_blade = Some(self.first_strip);
         tissue.refresh_sections();
         self.positions.refresh(tissue);
         self.follow_tissue(tissue);
@@ -242,6 +246,7 @@ impl TearStroke {
 
     /// Ends the stroke where the blade is.
     pub fn release(&mut self, tissue: &mut Tissue) {
+        tissue.scratch.under_blade = None;
         tissue.refresh_sections();
         self.positions.refresh(tissue);
         self.follow_tissue(tissue);
