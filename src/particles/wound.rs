@@ -79,15 +79,21 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
 /// True if the lips of strip `k` meet at its start, or at its end: from the outermost lip skin leads to the other side. Over a border,
 /// in an older wound, or where a model that moves has carried the blade back into its slit they do not.
 fn lips_meet(update: &mut Update<'_, '_>, k: usize, at_end: bool) -> bool {
+    let (first, last) = stretch_of_lips(update, k);
     let Update { mesh, rest, strips, edit, scratch, settings, .. } = update;
     let is_skin = |h: &HalfEdge| !mesh.face_info(h.face()).is_interior();
     let is_lip =
         |l: &&LipVertex| l.strip == k && l.side > 0 && mesh.vertex_is_live(l.vertex) && mesh.fan(l.vertex).any(|h| is_skin(&h));
     let lips = edit.lips.iter().filter(is_lip);
-    let place = |v: VertexId| share_along(strips, k, rest[v.index()]) * if at_end { -1.0 } else { 1.0 };
+    let ahead = if at_end { -1.0 } else { 1.0 };
+    let place = |v: VertexId| share_along(strips, k, rest[v.index()]) * ahead;
     let Some(from) = lips.map(|l| l.vertex).min_by(|a, b| place(*a).total_cmp(&place(*b)).then(a.cmp(b))) else { return false };
     let near = k.saturating_sub(1).max(strips.slit_start(k)) as u32..k as u32 + 2;
     let side = |v: VertexId| strips.lip_sides(v).iter().find(|l| near.contains(&l.strip)).map_or(0, |l| l.side);
+    // the way round the other end of a short strip is none
+    let is_near = |v: VertexId| {
+        rest[v.index()].distance(rest[from.index()]) < settings.wound.spacing && place(v) <= 0.5 * (first + last) * ahead
+    };
     let reached = &mut scratch.work;
     reached.clear();
     reached.push(from);
@@ -99,9 +105,7 @@ fn lips_meet(update: &mut Update<'_, '_>, k: usize, at_end: bool) -> bool {
             for w in [mesh.to(h), mesh.from(h.prev())] {
                 match side(w) {
                     -1 => return true,
-                    0 if !reached.contains(&w) && rest[w.index()].distance(rest[from.index()]) < settings.wound.spacing => {
-                        reached.push(w)
-                    }
+                    0 if !reached.contains(&w) && is_near(w) => reached.push(w),
                     _ => {}
                 }
             }

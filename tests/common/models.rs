@@ -56,6 +56,16 @@ pub fn scene_of(name: &str, faces: usize, soft: bool) -> (Scene, bool) {
     (Scene::new(tissue, tools), animated)
 }
 
+/// The heart with its default number of faces, and with as many particles as a user's, which lets its wounds open in half a second.
+pub fn heart() -> Scene {
+    let model = model("heart", 18_000);
+    let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
+    let particles = ParticleSettings { seed: 1, ..ParticleSettings::for_count(&model.mesh, &rest, 200) };
+    let settings = TissueSettings { particles: Some(particles), opening_s: 0.5, ..settings(&model) };
+    let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
+    Scene::new(Tissue::new(model, &settings).unwrap(), tools)
+}
+
 /// A vertex with at least two influences.
 pub fn first_row(layer: &SoftLayer) -> usize {
     (0..layer.map.influences.rows()).find(|&v| layer.map.influences.row(v).len() > 1).unwrap()
