@@ -128,6 +128,23 @@ impl StripGeometry {
         (self.normals[0] + self.normals[1]).normalize_or_zero()
     }
 
+    /// The side of the strip that a point over or under it lies on; 0 for one beside it.
+    pub fn side_over(&self, p: DVec3) -> i8 {
+        let d = p - self.triangles[0][0]; // both triangles start there
+        let is_over = |t: &usize| {
+            let [x, y] = self.duals[*t].map(|dual| dual.dot(d));
+            x >= 0.0 && y >= 0.0 && x + y <= 1.0
+        };
+        (0..2).find(is_over).map_or(0, |t| self.side(t, p))
+    }
+
+    /// The side of the strip that a point lies on, if it were as long and as deep as that takes.
+    pub fn side_near(&self, p: DVec3) -> i8 {
+        let sides = [0, 1].map(|t| self.side(t, p));
+        let distance = |t: usize| distance_squared_to_triangle(p, self.triangles[t]);
+        sides[usize::from(sides[0] != sides[1] && distance(1) < distance(0))]
+    }
+
     /// True if the segment from `a` to `b` crosses the strip. A point in the plane of a triangle counts as on side +1.
     pub fn crosses(&self, a: DVec3, b: DVec3) -> bool {
         !self.is_beside(a, b, 0.0) && (0..2).any(|t| self.triangle_crosses(t, a, b))
@@ -456,6 +473,23 @@ mod tests {
         assert!(across(0.5, -1.09) && !across(0.5, -1.11), "d / 4 below the tip");
         assert!(!across(-0.01, -0.5) && !across(1.01, -0.5), "beyond the ends");
         assert!(!strip.crosses(DVec3::new(0.2, 0.1, -0.5), DVec3::new(0.8, 0.1, -0.4)), "same side");
+    }
+
+    #[test]
+    fn a_point_over_a_strip_is_on_a_side_and_one_beside_it_on_none() {
+        let s = strip(0.0);
+        let [p, q, r] = s.triangles[0];
+        let (n, inside) = (s.normal(), (p + q + r) / 3.0);
+        let other = s.triangles[1].into_iter().sum::<DVec3>() / 3.0;
+        for height in [1e-9, 0.1, 30.0] {
+            assert_eq!([inside, other].map(|x| s.side_over(x + height * n)), [1, 1]);
+            assert_eq!([inside, other].map(|x| s.side_over(x - height * n)), [-1, -1]);
+            assert_eq!(s.side_over(p + 1.1 * (q - p) + height * n), 0);
+            assert_eq!(s.side_over(p - 0.1 * (q - p) - height * n), 0);
+            assert_eq!([-0.1, 0.5, 1.1].map(|x| s.side_near(p + x * (q - p) + height * n)), [1; 3]);
+            assert_eq!([-0.1, 0.5, 1.1].map(|x| s.side_near(p + x * (q - p) - height * n)), [-1; 3]);
+        }
+        assert_eq!(StripGeometry::new([p; 4], 0.0).side_over(p + n), 0, "a strip without area has no sides");
     }
 
     #[test]

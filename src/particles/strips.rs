@@ -268,7 +268,7 @@ impl Strips {
     }
 
     /// True if `v` knows its side of strip `k`, whatever geometry says.
-    pub(super) fn knows_side(&self, k: usize, v: VertexId) -> bool {
+    pub fn knows_side(&self, k: usize, v: VertexId) -> bool {
         self.known_side(k, v).is_some()
     }
 

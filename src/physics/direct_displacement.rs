@@ -27,7 +27,8 @@ pub fn target(anchor: DVec3, grabbed: &[(DVec3, DVec3)], radius: f64) -> DVec3 {
     target_over(anchor, grabbed.iter().map(|&(a, u)| (a, u, 1.0)), radius)
 }
 
-fn target_over(anchor: DVec3, grabbed: impl Iterator<Item = (DVec3, DVec3, f32)>, radius: f64) -> DVec3 {
+/// [`target`] where a share of each pull, from 0 to 1, reaches the follower.
+pub fn target_over(anchor: DVec3, grabbed: impl Iterator<Item = (DVec3, DVec3, f32)>, radius: f64) -> DVec3 {
     let (mut pulls, mut moved) = (Pulls::default(), DVec3::ZERO);
     for (other, displacement, share) in grabbed {
         moved += pulls.add(anchor.distance(other), radius, share) * displacement;

@@ -129,6 +129,29 @@ fn masses_forces_rests_and_grabs_agree_with_the_reference() {
     }
 }
 
+/// A particle that starts where it rests stays there, and its neighbours with it.
+#[test]
+fn a_particle_that_starts_at_its_rest_stirs_nothing() {
+    for starts_there in [true, false] {
+        let topology = NetworkTopology::from_pairs(2, std::iter::once((0, 1, 1.0)));
+        let mut network = Network::new(&topology, settings(3.0, 0.5, 2.0), 1e-9).unwrap();
+        if starts_there {
+            network.set_start(ParticleId(1), DVec3::X, DVec3::ZERO, DVec3::ZERO);
+        } else {
+            network.set_state(ParticleId(1), DVec3::X, DVec3::ZERO);
+        }
+        let mut most = 0.0f64;
+        for _ in 0..30 {
+            network.set_rest_displacement(ParticleId(1), DVec3::X);
+            network.step(FRAME, &mut StepScratch::default());
+            most = most
+                .max(network.displacement(ParticleId(1)).distance(DVec3::X))
+                .max(network.displacement(ParticleId(0)).length());
+        }
+        assert_eq!(most == 0.0, starts_there, "{most}");
+    }
+}
+
 #[test]
 fn a_lone_particle_is_the_closed_form() {
     let topology = NetworkTopology::from_pairs(1, std::iter::empty());

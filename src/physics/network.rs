@@ -259,6 +259,13 @@ impl Network {
         self.activity.disturb(row as u32);
     }
 
+    /// Puts a new particle somewhere: it rests at `rest` from now on, and is `off` that (metres) with a velocity (m/s).
+    pub fn set_start(&mut self, particle: ParticleId, rest: DVec3, off: DVec3, velocity: DVec3) {
+        let Some(row) = self.accept(particle, &[rest, off, velocity]) else { return };
+        (self.rest[row], self.next_rest[row]) = (padded(rest), padded(rest));
+        self.set_state(particle, rest + off, velocity);
+    }
+
     /// Where a particle rests from the end of the next step on (metres); over that step its rest displacement moves
     /// there linearly, which the step takes into account exactly.
     pub fn set_rest_displacement(&mut self, particle: ParticleId, rest: DVec3) {

@@ -4,7 +4,7 @@
 use super::walls::LONGEST_ROW;
 use super::{Posed, SoftLayer, Tissue, motions};
 use crate::diagnostics::Stages;
-use crate::geometry::{HalfEdge, ParticleId, Plane, VertexId};
+use crate::geometry::{HalfEdge, Plane, VertexId};
 use crate::particles::{
     Influence, LipVertex, MapEdit, MapUpdateReport, ParticleMap, PlaneCutVertices, release_slit, update_after_edit,
     update_after_plane_cut,
@@ -221,24 +221,8 @@ impl Tissue {
         let (map, network) = (&layer.map, &mut layer.network);
         let springs = |p: usize| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight));
         network.update_springs(map.len(), &report.relinked, springs);
-        let opened = |p: ParticleId| {
-            let (u0, anchor) = (layer.opening.get(p.index()).copied().unwrap_or_default(), map.anchors[p.index()]);
-            if u0 == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { self.pose.blended_linear(&self.rows, anchor) * u0 }
-        };
-        for &p in &report.particles_added {
-            // it starts where those around it are, but for the opening of their wounds: in tissue that is held aside it would fall back
-            // to rest first, under the blade
-            let (mut weight, mut displacement, mut velocity) = (0.0, DVec3::ZERO, DVec3::ZERO);
-            for link in map.neighbours.row(p.index()).iter().filter(|l| l.particle < p) {
-                weight += f64::from(link.weight);
-                displacement += f64::from(link.weight) * (network.displacement(link.particle) - opened(link.particle));
-                velocity += f64::from(link.weight) * network.velocity(link.particle);
-            }
-            if weight > 0.0 && (displacement, velocity) != (DVec3::ZERO, DVec3::ZERO) {
-                network.set_state(p, displacement / weight, velocity / weight);
-            }
-        }
-        let rotates = network.settings().rotations;
+        self.start_particles(&report.particles_added);
+        let rotates = self.layer.as_ref().is_some_and(|l| l.network.settings().rotations);
         let update = std::mem::take(&mut self.scratch.update);
         let relinked = update.rows_before().filter(|(v, _)| v.index() < old_len);
         if rotates {

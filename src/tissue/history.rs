@@ -1,7 +1,7 @@
 //! Going back and forth between the states of a tissue (MATHS 7), and checking them.
 
 use super::{Tissue, TissueDelta};
-use crate::geometry::{Distinct, Plane, VertexId};
+use crate::geometry::{Distinct, ParticleId, Plane, VertexId};
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -53,10 +53,13 @@ impl Tissue {
             Some(_) => self.mesh.live_vertices().map(|v| (v, self.position(v))).collect(),
             None => Vec::new(),
         };
+        let anchors: Vec<VertexId> = self.layer.as_ref().map_or_else(Vec::new, |l| l.map.anchors.to_vec());
         let inverse = deltas.into_iter().rev().map(|delta| Arc::new(self.apply(Arc::unwrap_or_clone(delta)))).collect();
-        self.scratch.under_blade = None;
+        self.scratch.hands.pulls.under_blade = None;
         self.follow_rows();
         self.sync_network();
+        self.forget_lost_holds();
+        self.start_particles(&self.particles_since(&anchors));
         self.refresh_turns();
         let threshold = 1e-10 * self.diagonal;
         let moved: Vec<_> = before
@@ -68,6 +71,13 @@ impl Tissue {
         self.versions.structure += 1;
         self.versions.displacements += 1;
         inverse
+    }
+
+    /// Particles that have an anchor now and had none while the anchors were these.
+    fn particles_since(&self, before: &[VertexId]) -> Vec<ParticleId> {
+        let Some(layer) = &self.layer else { return Vec::new() };
+        let had_none = |p: &usize| before.get(*p).is_none_or(|a| a.is_none());
+        (0..layer.map.len()).filter(|p| layer.map.anchors[*p].is_some()).filter(had_none).map(ParticleId::new).collect()
     }
 
     /// Takes back what the mesh noted since its last delta.

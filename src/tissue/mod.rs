@@ -14,6 +14,7 @@ pub mod pieces;
 mod positions;
 mod rotation;
 mod sections;
+mod sides;
 pub mod stroke;
 mod surface;
 pub mod touch;
@@ -24,10 +25,8 @@ use crate::geometry::room::headroom;
 use crate::geometry::sections::{cluster_faces, join_strays};
 use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, SectionId, StateHash, Turn, VertexId};
 use crate::particles::{
-    Influence, ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch,
-    WaysRound, sample,
+    Influence, ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
 };
-use crate::physics::direct_displacement::Followers;
 use crate::physics::{Network, NetworkSettings, NetworkTopology, RigidPose, StepScratch};
 use crate::rig::{Fades, Pose, PoseScratch, Rig, VertexRows, VertexRowsDelta, final_position};
 use glam::DVec3;
@@ -177,16 +176,9 @@ struct TissueScratch {
     plane_update: PlaneUpdateScratch,
     extraction: Extraction,
     rest_displacements: Vec<[f64; 3]>,
-    /// Held particles and their displacements: by hands, and all together.
-    grabs: Vec<(ParticleId, DVec3)>,
+    hands: holds::Hands,
+    /// Held particles and their displacements, by hands and by bodies.
     all_held: Vec<(ParticleId, DVec3)>,
-    /// Anchors of what hands hold; where they are at rest, with displacements from rest; and what follows.
-    anchors_held: Vec<VertexId>,
-    followed: Vec<(DVec3, DVec3)>,
-    followers: Followers,
-    ways_round: WaysRound,
-    /// The first strip of the blade that is in the tissue, if one is.
-    under_blade: Option<usize>,
     turns: rotation::TurnScratch,
     chords: chords::ChordScratch,
     /// Versions of the pose and of the structure for which all particles are at rest, and told where that is.
@@ -214,6 +206,13 @@ impl SoftLayer {
                 *now = if missing.length() > OPENED * diagonal { goal + missing } else { goal };
             }
         }
+    }
+
+    /// How far its wound has drawn a particle aside by now, metres, as `pose` turns it.
+    fn opened(&self, particle: usize, rows: &VertexRows, pose: &Pose) -> DVec3 {
+        let opening = self.opening.get(particle).copied().unwrap_or_default();
+        let anchor = self.map.anchors[particle];
+        if opening == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { pose.blended_linear(rows, anchor) * opening }
     }
 
     /// True while a wound opens.

@@ -37,9 +37,7 @@ impl Tissue {
                 continue;
             }
             anchors.push(self.pose.skin(&self.rows, anchor));
-            let opening = layer.opening.get(p).copied().unwrap_or_default();
-            let open = opening != DVec3::ZERO;
-            rest.push(if open { self.pose.blended_linear(&self.rows, anchor) * opening } else { DVec3::ZERO });
+            rest.push(layer.opened(p, &self.rows, &self.pose));
         }
         if layer.network.update_turns(anchors, rest) {
             self.versions.rotations += 1;

@@ -8,7 +8,7 @@
 use super::{ENDS_KEPT, SegmentReport, TearStroke, nearest_vertex};
 use crate::diagnostics::Stages;
 use crate::geometry::{FaceId, VertexId};
-use crate::particles::{LipVertex, MapUpdateReport};
+use crate::particles::MapUpdateReport;
 use crate::surgery::Slit;
 use crate::surgery::leaf::{Leaf, line};
 use crate::surgery::slit::{OnLines, SlitScratch, SlitStep, slit_more, slit_step};
@@ -147,8 +147,8 @@ impl TearStroke {
             report.new_vertices = step.new_vertices.len();
             report.intersection_points = step.intersection_points;
             report.opened_edges = step.opened_edges;
-            let corners = [start[0], end[0], end[1], start[1]];
-            let (update, made) = bind_slit(tissue, step, corners, self.slit, before, &mut report.stages);
+            let ends = [[[c[0], c[3]], [c[1], c[2]]], [start, end]];
+            let (update, made) = bind_slit(tissue, step, ends, self.slit, before, &mut report.stages);
             strip = made;
             let made = self.slits.step.new_vertices.iter().map(|n| n.vertex);
             self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
@@ -198,12 +198,12 @@ impl TearStroke {
     }
 }
 
-/// Rows, strip and particle map of what a slit has opened; `corners` are the strip's at rest, tip, next tip, next top, top;
+/// Rows, strip and particle map of what a slit has opened; the strip's ends (tip, top) are given as they were cut and at rest;
 /// `before` is the strip that it goes on from, where that is not the last. Gives the new strip's number, too.
 pub(in crate::tissue) fn bind_slit(
     tissue: &mut Tissue,
     step: &SlitStep,
-    corners: [DVec3; 4],
+    [cut, at_rest]: [[[DVec3; 2]; 2]; 2],
     slit: u32,
     before: Option<usize>,
     stages: &mut Stages,
@@ -211,11 +211,13 @@ pub(in crate::tissue) fn bind_slit(
     stages.time("bind", || tissue.add_vertices(&step.new_vertices));
     let strip = stages.time("disconnect_particles", || {
         let layer = tissue.layer.as_mut()?;
+        let corners = [at_rest[0][0], at_rest[1][0], at_rest[1][1], at_rest[0][1]];
         layer.strips.push(corners, layer.settings.radius, slit).ok()
     });
-    // a strip's normal, travel x up, points to the positive side of its leaves
-    let lips: Vec<LipVertex> = strip
-        .map_or_else(Vec::new, |strip| step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }).collect());
+    let mut lips = Vec::new();
+    if let Some(strip) = strip {
+        tissue.list_lips((strip, cut), (&step.lips, &step.new_vertices), |v| tissue.position(v), &mut lips);
+    }
     let update = stages.time("update_particles", || {
         // vertices at the joint have sides only now: links that reach them are tested against the strip before, too
         let last = |s: usize| before.unwrap_or(s).min(s.saturating_sub(1));

@@ -232,7 +232,7 @@ impl TearStroke {
     /// Takes the next blade pose (tissue space) and tears as far as it allows: a box is committed when the sample after its
     /// end has come (MATHS 5.4).
     pub fn push(&mut self, tissue: &mut Tissue, pose: BladePose) {
-        tissue.scratch.under_blade = Some(self.first_strip);
+        tissue.scratch.hands.pulls.under_blade = Some(self.first_strip);
         tissue.refresh_sections();
         self.positions.refresh(tissue);
         self.follow_tissue(tissue);
@@ -246,7 +246,7 @@ impl TearStroke {
 
     /// Ends the stroke where the blade is.
     pub fn release(&mut self, tissue: &mut Tissue) {
-        tissue.scratch.under_blade = None;
+        tissue.scratch.hands.pulls.under_blade = None;
         tissue.refresh_sections();
         self.positions.refresh(tissue);
         self.follow_tissue(tissue);
@@ -540,11 +540,11 @@ impl TearStroke {
             let corners = [start[0], end[0], end[1], start[1]];
             layer.strips.push(corners, layer.settings.radius, self.slit).ok()
         });
-        let Self { lips, removed, .. } = self;
+        let Self { lips, removed, positions, .. } = self;
         lips.clear();
         if let Some(strip) = strip {
-            // a strip's normal, travel x up, points to the box's minus side
-            lips.extend(step.lips.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }));
+            let seen = |v| positions.of(tissue, v);
+            tissue.list_lips((strip, tear_box.blades), (&step.lips, &step.new_vertices), seen, lips);
         }
         removed.clear();
         removed.extend(step.touched.iter().filter(|&&v| !tissue.mesh.vertex_is_live(v)));

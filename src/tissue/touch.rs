@@ -65,7 +65,7 @@ impl Tissue {
         }
         let Some(layer) = &mut self.layer else { return };
         let Touch { contacts, anchors, normals, .. } = &mut self.touch;
-        let grabs = &self.scratch.grabs;
+        let grabs = &self.scratch.hands.grabs;
         let skin = Skin { anchors, normals, radius: COLLIDER_RADIUS * layer.settings.spacing };
         let had = !contacts.is_empty();
         let grabbed = |p| grabs.iter().any(|g| g.0 == p);
@@ -84,8 +84,8 @@ impl Tissue {
             self.touch.contacts.react(world, (&self.frame, own), &layer.network, layer.particle_mass);
         }
         if let (Some(layer), Some(own)) = (&self.layer, own) {
-            let share = 1.0 / self.scratch.grabs.len().max(1) as f64;
-            for &(particle, _) in &self.scratch.grabs {
+            let share = 1.0 / self.scratch.hands.grabs.len().max(1) as f64;
+            for &(particle, _) in &self.scratch.hands.grabs {
                 let by = self.frame.direction(layer.network.displacement(particle));
                 world.carry(own, self.particle_in_model(particle), by, share);
             }
@@ -127,7 +127,7 @@ impl Tissue {
     pub(super) fn apply_holds(&mut self) {
         let Some(layer) = &mut self.layer else { return };
         self.scratch.all_held.clear();
-        self.scratch.all_held.extend_from_slice(&self.scratch.grabs);
+        self.scratch.all_held.extend_from_slice(&self.scratch.hands.grabs);
         self.scratch.all_held.extend_from_slice(self.touch.contacts.targets());
         layer.network.set_grabs(&self.scratch.all_held);
     }

@@ -1,0 +1,51 @@
+//! Which side of a new strip the vertices beside its lips lie on, where the strip at rest says otherwise.
+//!
+//! A strip is straight at rest, and the blade went straight through tissue that was bent or held aside: by a little they part other
+//! vertices. What was seen counts, for the mesh was cut there; such vertices know their side as lips do (MATHS 3.2).
+
+use super::Tissue;
+use crate::geometry::VertexId;
+use crate::particles::{LipVertex, StripGeometry};
+use crate::surgery::insert::NewVertex;
+use crate::surgery::tear::LipPoint;
+use glam::DVec3;
+
+/// Lips and vertices beside them that are looked at.
+const MOST_LOOKED_AT: usize = 1024;
+
+impl Tissue {
+    /// Lists the lips of strip `strip`: those the cut has told (`points`), and the vertices beside them that were `seen` over or under it as
+    /// it was cut, between two `blades` (`[tip, base]`), and lie on the other side of it at rest. Vertices that the cut has `made` are not looked at.
+    pub(super) fn list_lips(
+        &self,
+        (strip, [[tip, base], [next_tip, next_base]]): (usize, [[DVec3; 2]; 2]),
+        (points, made): (&[LipPoint], &[NewVertex]),
+        seen: impl Fn(VertexId) -> DVec3,
+        lips: &mut Vec<LipVertex>,
+    ) {
+        // a strip's normal, travel x up, points to the minus side of boxes and leaves
+        lips.extend(points.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }));
+        let Some(layer) = self.layer.as_ref().filter(|_| !self.stands_as_at_rest()) else { return };
+        let cut = StripGeometry::new([tip, next_tip, next_base, base], layer.settings.radius);
+        let (at_rest, first_new) = (layer.strips.geometry(strip), made.first().map_or(VertexId::NONE, |n| n.vertex));
+        let mut next = 0;
+        while next < lips.len().min(MOST_LOOKED_AT) {
+            let from = lips[next];
+            next += 1;
+            if !self.mesh.vertex_is_live(from.vertex) {
+                continue;
+            }
+            for v in self.mesh.neighbours(from.vertex).filter(|v| *v < first_new && !layer.strips.knows_side(strip, *v)) {
+                let differs = cut.side_over(seen(v)) == from.side && at_rest.side_near(self.rest[v.index()]) == -from.side;
+                if differs && lips.iter().all(|l| l.vertex != v) {
+                    lips.push(LipVertex { vertex: v, ..from });
+                }
+            }
+        }
+    }
+
+    /// True if every vertex is seen where it is at rest.
+    fn stands_as_at_rest(&self) -> bool {
+        self.pose.joint_matrices.is_empty() && self.is_still()
+    }
+}
