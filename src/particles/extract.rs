@@ -25,6 +25,8 @@ pub struct MapPart {
     pub from: Vec<ParticleId>,
     /// Vertices of the piece whose influences are not what they were, with those that they had.
     pub rows_before: Vec<RowBefore>,
+    /// True if particles that stay together keep the springs between them: no strip has come in between.
+    pub keeps_springs: bool,
 }
 
 /// What [`ParticleMap::forget`] did.
@@ -34,6 +36,8 @@ pub struct Forgotten {
     pub particles_changed: Vec<ParticleId>,
     /// Vertices whose influences are not what they were, with those that they had.
     pub rows_before: Vec<RowBefore>,
+    /// As [`MapPart::keeps_springs`].
+    pub keeps_springs: bool,
 }
 
 impl ParticleMap {
@@ -78,7 +82,8 @@ impl ParticleMap {
         };
         map.influences.grow_rows(mesh.vertex_slots());
         let moved: Vec<ParticleId> = strays.iter().map(|s| new_particle[s.0.index()]).collect();
-        let mut part = MapPart { from: particles, ..MapPart::default() };
+        let keeps_springs = strips.is_empty() || moved.is_empty();
+        let mut part = MapPart { from: particles, keeps_springs, ..MapPart::default() };
         map.part_strays(mesh.live_vertices(), rest, strips, &moved, &mut Vec::new(), &mut part.rows_before);
         let orphans: Vec<VertexId> = mesh.live_vertices().filter(|v| map.influences.row(v.index()).is_empty()).collect();
         let never_held = |v: &VertexId| part.rows_before.binary_search_by_key(v, |row| row.0).is_err();
@@ -128,8 +133,9 @@ impl ParticleMap {
                 self.rest_displacement.set(j, [0.0; 3]);
             }
         }
-        self.drop_links(|a, b| retired[a.index()] || retired[b.index()], &mut done.particles_changed);
+        self.drop_links_of(&retired, &mut done.particles_changed);
         let moved: Vec<ParticleId> = strays.iter().map(|s| s.0).collect();
+        done.keeps_springs = strips.is_empty() || moved.is_empty();
         let Forgotten { particles_changed, rows_before, .. } = &mut done;
         match held {
             Some(held) => self.part_strays(held.into_iter(), rest, strips, &moved, particles_changed, rows_before),
@@ -184,6 +190,31 @@ impl ParticleMap {
         }
         let found = nearest.into_iter().enumerate().filter(|(_, (.., best))| best.is_some());
         found.map(|(j, (.., best))| (ParticleId::new(j), best)).collect()
+    }
+
+    /// Drops the springs of the particles that are `gone`.
+    fn drop_links_of(&mut self, gone: &[bool], changed: &mut Vec<ParticleId>) {
+        let (mut is_left, mut left) = (vec![false; self.len()], Vec::new());
+        for j in (0..self.len()).filter(|&j| gone[j]).map(ParticleId::new) {
+            let row = self.neighbours.row(j.index());
+            if row.is_empty() {
+                continue;
+            }
+            for other in row.iter().map(|l| l.particle).filter(|other| !gone[other.index()]) {
+                if !std::mem::replace(&mut is_left[other.index()], true) {
+                    left.push(other);
+                }
+            }
+            self.neighbours.set_row(j.index(), &[]);
+            changed.push(j);
+        }
+        let mut kept: Vec<Link> = Vec::new();
+        for &j in &left {
+            kept.clear();
+            kept.extend(self.neighbours.row(j.index()).iter().filter(|l| !gone[l.particle.index()]));
+            self.neighbours.set_row(j.index(), &kept);
+        }
+        changed.append(&mut left);
     }
 
     /// Drops the springs that are `lost`, which is asked with the lower end first.

@@ -186,6 +186,41 @@ impl Matrix {
         self.heads.push(Head { start, end: self.blocks.len() as u32, diagonal: 1.0 + gain * sum, gain });
     }
 
+    /// Appends a row of another matrix with its springs to rows that go on: `new_row` of each, or `u32::MAX`. To be closed by
+    /// [`Self::settle_rows`].
+    pub fn push_part(&mut self, from: &Self, row: usize, new_row: &[u32]) {
+        self.width = None;
+        let (own, start) = (self.heads.len() as u32, self.blocks.len() as u32);
+        let empty = Block { columns: [own; BLOCK], springs: [0.0; BLOCK] };
+        let (mut block, mut filled, mut sum) = (empty, 0, 0.0);
+        for old in from.blocks(&from.heads[row]) {
+            let columns = old.columns.map(|c| new_row[c as usize]);
+            if filled == 0 && !columns.contains(&u32::MAX) {
+                self.blocks.push(Block { columns, springs: old.springs });
+                self.entries += old.springs.iter().filter(|s| **s != 0.0).count();
+                sum += old.springs.iter().sum::<f64>();
+                continue;
+            }
+            for (column, spring) in columns.into_iter().zip(old.springs).filter(|(c, s)| *c != u32::MAX && *s != 0.0) {
+                (block.columns[filled], block.springs[filled]) = (column, spring);
+                filled += 1;
+                sum += spring;
+                if filled == BLOCK {
+                    self.blocks.push(block);
+                    self.entries += BLOCK;
+                    (block, filled) = (empty, 0);
+                }
+            }
+        }
+        if filled > 0 {
+            self.blocks.push(block);
+            self.entries += filled;
+        }
+        let gain = from.heads[row].gain;
+        self.reach = self.reach.map(|reach| reach.max(gain * sum));
+        self.heads.push(Head { start, end: self.blocks.len() as u32, diagonal: 1.0 + gain * sum, gain });
+    }
+
     /// Appends a row without springs.
     pub fn push_lone_row(&mut self, coupling: f64, mass: f64) {
         let end = self.blocks.len() as u32;

@@ -133,7 +133,11 @@ impl Tissue {
         } else {
             let old = |j: usize| if j < before { ParticleId::new(j) } else { ParticleId::NONE };
             let kept: Vec<ParticleId> = (0..len).map(old).collect();
-            layer.network = layer.network.subset(&kept, |p| springs(map, p));
+            layer.network = if done.keeps_springs {
+                layer.network.part(&kept, |p| map.anchors[p].is_some())
+            } else {
+                layer.network.subset(&kept, |p| springs(map, p))
+            };
         }
         if turns {
             self.refresh_turns();
@@ -166,7 +170,11 @@ impl SoftLayer {
         let vertices = (&map.vertex_from[..], &map.vertex_to[..]);
         let part = self.map.extract((&piece.mesh, &piece.rest, &strips), vertices, rest);
         strips.take_wounds(&self.strips, &part.from);
-        let mut network = self.network.subset(&part.from, |p| springs(&part.map, p));
+        let mut network = if part.keeps_springs {
+            self.network.part(&part.from, |_| true)
+        } else {
+            self.network.subset(&part.from, |p| springs(&part.map, p))
+        };
         network.set_grabs(&[]);
         let opened = |old: &ParticleId| self.opening.get(old.index()).copied().unwrap_or_default();
         let layer = SoftLayer {

@@ -181,11 +181,14 @@ impl SectionBounds {
         if s >= self.len() {
             return;
         }
+        let Self { sections, groups, .. } = self;
         for v in vertices {
-            let rest = rows.rest(v);
-            self.sections.widen_by(s, rest, |each| each_base(rows, v, each));
-            self.groups.widen_by(s / GROUP, rest, |each| each_base(rows, v, each));
+            sections.widen_by(s, rows.rest(v), |each| each_base(rows, v, each));
         }
+        // the group holds all its sections
+        let (low, high) = sections.rest_of(s);
+        groups.widen_by(s / GROUP, low, |each| sections.row(s).iter().for_each(each));
+        groups.widen_by(s / GROUP, high, |_| {});
         self.posed.forget(s);
         self.posed_groups.forget(s / GROUP);
     }
