@@ -30,16 +30,20 @@ pub(super) struct Pulls {
     ways_round: WaysRound,
     /// The first strip of the blade that is in the tissue, if one is.
     pub(super) under_blade: Option<usize>,
+    /// Strips that there were at the last step.
+    known: usize,
 }
 
 impl Pulls {
     /// The share of the `k`th pull that reaches a particle at `anchor`. A lip does not follow the hand that pulls at the other, but as far
-    /// as the pull goes round the wound; while the blade is at work it does, or would fall back into its way.
-    fn share(&self, strips: &Strips, rest: &[DVec3], anchor: VertexId, k: usize) -> f64 {
-        if strips.is_empty() {
-            return 1.0;
-        }
-        self.ways_round.share(strips, rest, anchor, self.anchors[k], self.under_blade.unwrap_or(usize::MAX))
+    /// as the pull goes round the wound; strips from `open` on do not count.
+    fn share(&self, strips: &Strips, rest: &[DVec3], anchor: VertexId, k: usize, open: usize) -> f64 {
+        if strips.is_empty() { 1.0 } else { self.ways_round.share(strips, rest, anchor, self.anchors[k], open) }
+    }
+
+    /// The first strip of the blade at work: a lip that did not follow would fall back into its way.
+    fn open(&self) -> usize {
+        self.under_blade.unwrap_or(usize::MAX)
     }
 }
 
@@ -95,6 +99,7 @@ impl Tissue {
         let SoftLayer { map, strips, settings, .. } = &*layer;
         let (rest, opened) = (&self.rest, |p: usize| layer.opened(p, &self.rows, &self.pose));
         pulls.anchors.clone_from(anchors);
+        pulls.known = strips.len();
         followed.clear();
         followed.extend(grabs.iter().zip(&*anchors).map(|(&(p, u), a)| (rest[a.index()], u - opened(p.index()))));
         if followers.set_grabbed(followed, settings.spacing, self.versions.structure) && !followed.is_empty() {
@@ -106,7 +111,7 @@ impl Tissue {
             let mut displacement = opened(p);
             if !followed.is_empty() && anchor.is_some() {
                 let near = |k: usize| few || followed[k].0.distance(rest[anchor.index()]) < settings.reach();
-                let reaches = |k: usize| if near(k) { pulls.share(strips, rest, anchor, k) } else { 1.0 };
+                let reaches = |k: usize| if near(k) { pulls.share(strips, rest, anchor, k, pulls.open()) } else { 1.0 };
                 displacement += followers.target(p, rest[anchor.index()], reaches);
             }
             rest_displacements.push(displacement.to_array());
@@ -120,18 +125,16 @@ impl Tissue {
         }
     }
 
-    /// New particles start where hands hold the tissue, as far from their rest as those around them are from theirs. In tissue that is held
-    /// aside they would fall back first, under the blade.
+    /// New particles start where hands hold the tissue now, as if wounds since the last step were none, and as far off as those around
+    /// them are off their rest. In tissue that is held aside they would fall back first, under the blade.
     pub(super) fn start_particles(&mut self, new: &[ParticleId]) {
         let Some(SoftLayer { map, strips, settings, network, .. }) = &mut self.layer else { return };
         let Hands { followed, pulls, .. } = &mut self.scratch.hands;
-        if !new.is_empty() && !followed.is_empty() && pulls.under_blade.is_none() {
-            pulls.ways_round.find(&self.mesh, strips, &self.rest, settings.wound.spacing);
-        }
+        let open = pulls.open().min(pulls.known);
         for &p in new {
             let anchor = map.anchors[p.index()];
             let at = self.rest[anchor.index()];
-            let pull = |k: usize| (followed[k].0, followed[k].1, pulls.share(strips, &self.rest, anchor, k) as f32);
+            let pull = |k: usize| (followed[k].0, followed[k].1, pulls.share(strips, &self.rest, anchor, k, open) as f32);
             let rest = target_over(at, (0..followed.len()).map(pull), settings.spacing);
             let (mut weight, mut off, mut velocity) = (0.0, DVec3::ZERO, DVec3::ZERO);
             for link in map.neighbours.row(p.index()).iter().filter(|l| l.particle < p) {

@@ -12,7 +12,7 @@ use glam::DVec3;
 /// A piece whose sections are on average this much emptier than they may be gets new ones.
 const SPARSE: usize = 4;
 /// What is severed and has less surface than a square of this side, a fraction of the diagonal, is a crumb: rounding, no piece.
-const CRUMB: f64 = 1e-6;
+const CRUMB: f64 = 1e-4;
 /// Crumbs have no more faces than this.
 const MOST_CRUMB_FACES: usize = 64;
 /// From this share of changed particles on, the network is cut out anew: one in so many.

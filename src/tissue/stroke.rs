@@ -246,7 +246,6 @@ impl TearStroke {
 
     /// Ends the stroke where the blade is.
     pub fn release(&mut self, tissue: &mut Tissue) {
-        tissue.scratch.hands.pulls.under_blade = None;
         tissue.refresh_sections();
         self.positions.refresh(tissue);
         self.follow_tissue(tissue);
@@ -262,6 +261,7 @@ impl TearStroke {
             let report = tissue.release_slit();
             tissue.scratch.update.reuse(report);
         }
+        tissue.scratch.hands.pulls.under_blade = None;
         self.ended.clear();
         self.slits.release();
     }
