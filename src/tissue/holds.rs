@@ -143,8 +143,9 @@ impl Tissue {
                 off += w * (network.displacement(q) - network.rest_displacement(q));
                 velocity += w * network.velocity(q);
             }
-            if weight > 0.0 && (rest, off, velocity) != (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO) {
-                network.set_start(p, rest, off / weight, velocity / weight);
+            let [off, velocity] = if weight > 0.0 { [off / weight, velocity / weight] } else { [DVec3::ZERO; 2] };
+            if (rest, off, velocity) != (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO) {
+                network.set_start(p, rest, off, velocity);
             }
         }
     }
