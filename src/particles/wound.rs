@@ -56,12 +56,12 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
         let mut room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
         while k < strips.end && update.strips.as_slice()[k].slit == slit {
             let end = offset + update.strips.stretch(k).1;
+            let lips = stretch_of_lips(update, k);
             // Places at multiples of the spacing from the slit's start, whatever the strips' lengths: the first holds that end shut,
             // if it is one.
-            let is_open = k == start && !lips_meet(update, k, false);
+            let is_open = k == start && !lips_meet(update, (k, lips), false);
             let first = (offset / wound.spacing).ceil().max(if is_open { 1.0 } else { 0.0 });
             let places = (0..room).map(|i| (first + i as f64) * wound.spacing).take_while(|&s| s < end);
-            let lips = stretch_of_lips(update, k);
             for place in places {
                 for side in [1, -1] {
                     room = room.saturating_sub(add_at(update, (k, lips), place - offset, side, room));
@@ -76,10 +76,9 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
     }
 }
 
-/// True if the lips of strip `k` meet at its start, or at its end: from the outermost lip skin leads to the other side. Over a border,
+/// True if the lips of strip `k`, whose [`stretch_of_lips`] is given, meet at its start, or at its end: from the outermost lip skin leads to the other side. Over a border,
 /// in an older wound, or where a model that moves has carried the blade back into its slit they do not.
-fn lips_meet(update: &mut Update<'_, '_>, k: usize, at_end: bool) -> bool {
-    let (first, last) = stretch_of_lips(update, k);
+fn lips_meet(update: &mut Update<'_, '_>, (k, (first, last)): (usize, (f64, f64)), at_end: bool) -> bool {
     let Update { mesh, rest, strips, edit, scratch, settings, .. } = update;
     let is_skin = |h: &HalfEdge| !mesh.face_info(h.face()).is_interior();
     let is_lip =
@@ -214,7 +213,7 @@ pub fn release_slit(
     let mut is_shut = true;
     if wound.gap > 0.0 && !lips.is_empty() && update.find_zone() {
         let range = stretch_of_lips(&update, end);
-        is_shut = lips_meet(&mut update, end, true);
+        is_shut = lips_meet(&mut update, (end, range), true);
         for side in [1, -1].into_iter().filter(|_| is_shut) {
             let marks = slit_marks(update.strips, start).filter(|m| m.side == i32::from(side));
             let furthest = marks.map(|m| update.strips.stretch(m.strip as usize).0 + m.along).fold(f64::NEG_INFINITY, f64::max);

@@ -177,11 +177,15 @@ impl Matrix {
             filled += 1;
             sum += spring;
         }
+        self.end_row(start, (block, filled), coupling / mass, sum);
+    }
+
+    /// Ends the row that is appended: its first block, its last one with so many springs, `g_i` and the sum of its springs.
+    fn end_row(&mut self, start: u32, (last, filled): (Block, usize), gain: f64, sum: f64) {
         if filled > 0 {
-            self.blocks.push(block);
+            self.blocks.push(last);
             self.entries += filled;
         }
-        let gain = coupling / mass;
         self.reach = self.reach.map(|reach| reach.max(gain * sum));
         self.heads.push(Head { start, end: self.blocks.len() as u32, diagonal: 1.0 + gain * sum, gain });
     }
@@ -212,13 +216,7 @@ impl Matrix {
                 }
             }
         }
-        if filled > 0 {
-            self.blocks.push(block);
-            self.entries += filled;
-        }
-        let gain = from.heads[row].gain;
-        self.reach = self.reach.map(|reach| reach.max(gain * sum));
-        self.heads.push(Head { start, end: self.blocks.len() as u32, diagonal: 1.0 + gain * sum, gain });
+        self.end_row(start, (block, filled), from.heads[row].gain, sum);
     }
 
     /// Appends a row without springs.

@@ -11,7 +11,8 @@ use glam::DVec3;
 
 /// A piece whose sections are on average this much emptier than they may be gets new ones.
 const SPARSE: usize = 4;
-/// What is severed and has less surface than a square of this side, a fraction of the diagonal, is a crumb: rounding, no piece.
+/// What is severed and has less surface than a square of this side, a fraction of the diagonal, is a crumb and no piece: rounding, or a shred of tissue
+/// that moved under the blade.
 const CRUMB: f64 = 1e-4;
 /// Crumbs have no more faces than this.
 const MOST_CRUMB_FACES: usize = 64;

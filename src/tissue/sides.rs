@@ -15,7 +15,8 @@ const MOST_LOOKED_AT: usize = 1024;
 
 impl Tissue {
     /// Lists the lips of strip `strip`: those the cut has told (`points`), and the vertices beside them that were `seen` over or under it as
-    /// it was cut, between two `blades` (`[tip, base]`), and lie on the other side of it at rest. Vertices that the cut has `made` are not looked at.
+    /// it was cut, between two blades (`[tip, base]`), and lie on the other side of it at rest. Vertices that the cut has `made` are not
+    /// looked at.
     pub(super) fn list_lips(
         &self,
         (strip, [[tip, base], [next_tip, next_base]]): (usize, [[DVec3; 2]; 2]),
@@ -25,7 +26,8 @@ impl Tissue {
     ) {
         // a strip's normal, travel x up, points to the minus side of boxes and leaves
         lips.extend(points.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }));
-        let Some(layer) = self.layer.as_ref().filter(|_| !self.stands_as_at_rest()) else { return };
+        // where all vertices are seen where they are at rest, nothing differs
+        let Some(layer) = self.layer.as_ref().filter(|_| self.posed().rest.is_none()) else { return };
         let cut = StripGeometry::new([tip, next_tip, next_base, base], layer.settings.radius);
         let (at_rest, first_new) = (layer.strips.geometry(strip), made.first().map_or(VertexId::NONE, |n| n.vertex));
         let mut next = 0;
@@ -42,10 +44,5 @@ impl Tissue {
                 }
             }
         }
-    }
-
-    /// True if every vertex is seen where it is at rest.
-    fn stands_as_at_rest(&self) -> bool {
-        self.pose.joint_matrices.is_empty() && self.is_still()
     }
 }
