@@ -89,14 +89,20 @@ pub struct App {
     /// Animation time at scene time 0 for the speed of now: a change of speed goes on from where the animation is.
     animation_offset_s: f64,
     allocations: fn() -> u64,
+    /// Empty: the room of a report that came back.
+    spare_edits: Vec<EditReport>,
 }
+
+/// Edits of a frame that there is room for at first.
+const EDITS_ROOM: usize = 4;
 
 impl App {
     /// An application over `scene`, whose animation plays at `speed`. `allocations` counts heap allocations so far, where the
     /// program has a counting allocator (else a function that returns 0).
     pub fn new(mut scene: Scene, speed: f64, allocations: fn() -> u64) -> Self {
         scene.watch_changes();
-        Self { scene, layers: BTreeSet::new(), speed, animation_offset_s: 0.0, allocations }
+        let spare_edits = Vec::with_capacity(EDITS_ROOM);
+        Self { scene, layers: BTreeSet::new(), speed, animation_offset_s: 0.0, allocations, spare_edits }
     }
 
     /// Plays the animation at another speed from `now_s` on the scene's clock.
@@ -112,7 +118,8 @@ impl App {
 
     /// One frame: tools -> edits -> pose -> physics -> target (upload, deform, draw). Edits finish before the simulation step.
     pub fn frame<T: FrameTarget>(&mut self, input: &InputFrame, target: &mut T) -> Result<FrameReport, T::Error> {
-        let mut report = FrameReport { time_s: input.time_s, ..FrameReport::default() };
+        let mut report =
+            FrameReport { time_s: input.time_s, edits: std::mem::take(&mut self.spare_edits), ..FrameReport::default() };
         let allocated = (self.allocations)();
         let FrameReport { stages, counters, edits, .. } = &mut report;
         let commands = stages.time("tools", || {
@@ -127,7 +134,7 @@ impl App {
         });
         stages.time("edit", || {
             for command in commands {
-                edits.extend(self.scene.edit(command.clone()));
+                self.scene.edit_into(command.clone(), edits);
             }
         });
         let animation_s = input.time_s * self.speed + self.animation_offset_s;
@@ -144,6 +151,13 @@ impl App {
         let view = FrameView { scene: &self.scene, changes: &changes, layers: &self.layers, time_s: input.time_s };
         target.present(&view, stages, counters)?;
         self.scene.give_back_changes(changes);
+        self.scene.make_room();
         Ok(report)
+    }
+
+    /// Takes a report back that nobody reads any more: the next frames use its room.
+    pub fn give_back(&mut self, mut report: FrameReport) {
+        self.scene.give_back_reports(&mut report.edits);
+        self.spare_edits = report.edits;
     }
 }

@@ -12,7 +12,7 @@ use incise::gpu::{Camera, Context, ContextOptions, DrawOptions, GpuError};
 use incise::host::mirror::Mirror;
 use incise::input::InputFrame;
 use incise::scene::EditCommand;
-use incise::surgery::BladePose;
+use incise::surgery::{BladePose, WallMode};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use std::alloc::System;
 use std::sync::Arc;
@@ -99,10 +99,10 @@ fn a_steady_grab_allocates_nothing_of_ours() {
     assert_eq!(counts[39], (0, 1), "the control is noticed");
 }
 
-/// A frame that tears a beating heart with wounds in it allocates nothing but where an array has to grow: a few times in a stroke,
-/// and ever more rarely.
+/// No frame that tears a beating heart, with walls, without, and with width 0, allocates anything of ours after the first second: not one
+/// in which a stroke begins, goes on or ends, nor what mirrors it, wgpu's buffers included.
 #[test]
-fn a_tear_of_a_beating_heart_allocates_next_to_nothing_of_ours() {
+fn a_tear_of_a_beating_heart_allocates_nothing_of_ours() {
     const STROKE: u32 = 60;
     let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
     let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
@@ -111,29 +111,42 @@ fn a_tear_of_a_beating_heart_allocates_next_to_nothing_of_ours() {
     scene.set_animation(animated.then_some(0));
     scene.set_measuring(false);
     let mut app = App::new(scene, 1.0, allocations);
-    let (mut begun, mut moved, mut torn) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut allocated, mut segments) = (Vec::new(), 0);
     for number in 0..8 * STROKE {
         let (stroke, k) = (number / STROKE, number % STROKE);
         let (x, y) = (0.002 * f64::from(k) - 0.05, 0.028 - 0.006 * f64::from(stroke));
         let (tip, base) = (DVec3::new(x, y, 0.02), DVec3::new(x, y, 0.12));
         let pose = EditCommand::StrokePose(BladePose { t: f64::from(k) / 90.0, tip, base });
         let commands = match k {
-            0 => vec![EditCommand::StrokeBegin { width: 0.002 }, pose],
+            0 => vec![EditCommand::StrokeBegin { width: if stroke % 3 == 2 { 0.0 } else { 0.002 } }, pose],
             50 => vec![EditCommand::StrokeEnd],
             _ if k < 50 => vec![pose],
             _ => Vec::new(),
         };
+        if k == 0 {
+            app.scene.set_wall(if stroke % 3 == 1 { WallMode::Closed } else { WallMode::Open });
+        }
         let version = |app: &App| app.scene.tissues().map(|(_, t)| t.versions().structure).sum::<u64>();
         let before = version(&app);
         let input = InputFrame { time_s: f64::from(number) / 90.0, step_s: 1.0 / 90.0, commands, ..InputFrame::default() };
         let report = app.frame(&input, &mut target).expect("a frame");
-        let counts = if version(&app) > before { &mut torn } else { &mut moved };
-        if stroke >= 5 && k != 50 {
-            (if k == 0 { &mut begun } else { counts }).push(report.counters.allocations + target.in_sync);
+        segments += u32::from(version(&app) > before);
+        let (in_app, edits) = (report.counters.allocations, report.edits.len());
+        app.give_back(report);
+        // where assertions are checked, those of an end look at everything in lists of their own; benches/frame.rs runs without
+        let is_told = number >= 90 && !(k == 50 && cfg!(debug_assertions));
+        if is_told && (in_app, target.in_sync) != (0, 0) {
+            allocated.push((number, in_app, target.in_sync, edits));
         }
     }
     assert_eq!(app.scene.tissues().count(), 1, "a piece that comes off makes arrays of its own");
-    torn.sort_unstable();
-    assert!(torn.len() > 20 && torn[torn.len() / 2] <= 1 && torn[torn.len() * 9 / 10] <= 12, "{torn:?}");
-    assert!(moved.iter().sum::<u64>() <= 2 && begun.iter().all(|&n| n <= 6), "{begun:?}, {moved:?}");
+    assert!(segments > 100 && app.scene.undo_depth() == 8, "{segments} segments");
+    assert!(
+        allocated.is_empty(),
+        "frames, what they allocated here and in the mirror, and the edits that they ended: {allocated:?}"
+    );
+    // the control
+    target.leaky = true;
+    app.frame(&InputFrame { time_s: 6.0, step_s: 1.0 / 90.0, ..InputFrame::default() }, &mut target).expect("a frame");
+    assert_eq!(target.in_sync, 1, "the control is noticed");
 }

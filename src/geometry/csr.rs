@@ -230,6 +230,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
     pub fn make_room(&mut self) {
         self.spans.make_room();
         self.entries.reserve(rows_headroom(self.entries.len()));
+        self.entries.make_room_for_notes(4);
     }
 
     /// Empties rows, each listed once. Their entries stay in the arena as a hole.

@@ -18,6 +18,13 @@ pub(crate) struct Pairs {
     idle: bool,
 }
 
+impl Pairs {
+    /// Makes room for so many pairs.
+    pub(crate) fn make_room(&mut self, pairs: usize) {
+        self.joined.reserve(pairs);
+    }
+}
+
 fn key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
 }

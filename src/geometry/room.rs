@@ -12,10 +12,10 @@ pub fn fit<T: Clone>(table: &mut Vec<T>, len: usize, fill: T) {
 
 /// Room that a growing array of `len` entries is given for what edits will append: it is no memory before it is written to.
 pub fn headroom(len: usize) -> usize {
-    len / 2 + 1024
+    len / 2 + 4096
 }
 
 /// The same for `len` entries in rows that move to the end when they grow: an hour's edits write more than there was.
 pub fn rows_headroom(len: usize) -> usize {
-    headroom(len) + (4 * len).min(1 << 20)
+    headroom(len) + (4 * len).clamp(1 << 17, 1 << 20)
 }

@@ -5,7 +5,14 @@ use super::extract::Extraction;
 use super::fx::FxHashMap;
 use super::ids::{FaceId, HalfEdge, SectionId};
 use super::mesh::{Mesh, MeshDelta};
+use super::room::headroom;
 
+/// Parts that a stroke may take off before it has to find room for one more.
+const SPARE_PARTS: usize = 4;
+/// Faces of a part, in sections of several, that there is room for at first.
+const MOST_LOOSE: usize = 1 << 14;
+/// Sections next to one, as many as there is room for at first.
+const NEIGHBOURS: usize = 16;
 /// In place of the piece of a face that is in none yet.
 const UNSORTED: u32 = u32::MAX;
 
@@ -55,6 +62,9 @@ pub struct SectionGraph {
     part_of: Vec<u32>,
     /// The components, while nothing has changed since they were looked for.
     kept: Option<Vec<Part>>,
+    /// Room of such that are no more: the parts', and their list's.
+    spare: Vec<Part>,
+    spare_list: Vec<Part>,
 }
 
 /// Calls `mark` with every section of `mesh` that holds or held a face whose row is among `$notes`: the arrays of a mesh or of a
@@ -113,11 +123,29 @@ impl PartsBefore {
 }
 
 impl SectionGraph {
+    /// Makes room for what strokes through `mesh` look for in it: no stroke waits for it.
+    pub fn make_room(&mut self, mesh: &Mesh, before: &mut PartsBefore) {
+        let count = self.parts(mesh).len() + SPARE_PARTS;
+        self.spare.resize_with(count, || Part::with_room(mesh));
+        self.spare_list.reserve(count);
+        let parts = self.parts(mesh);
+        self.keep(parts);
+        before.of_section.reserve(2 * mesh.sections());
+        before.of_origin.reserve(mesh.face_slots().min(MOST_LOOSE));
+        self.loose.reserve(mesh.face_slots());
+        self.stack.reserve(mesh.face_slots());
+        let nodes = headroom(mesh.sections());
+        self.parent.reserve(nodes);
+        self.part_of.reserve(nodes);
+    }
+
     /// Notes what the edits since the last delta have changed. To be called before the delta is taken. True if anything has.
     pub fn note_edits(&mut self, mesh: &Mesh) -> bool {
         let mut any = false;
         mark_touched!(mesh, mesh, |s| any |= mark(&mut self.stale, s));
-        self.kept = self.kept.take().filter(|_| !any);
+        if any {
+            self.forget_parts();
+        }
         any
     }
 
@@ -125,8 +153,17 @@ impl SectionGraph {
     pub fn note_delta(&mut self, mesh: &Mesh, inverse: &MeshDelta) -> bool {
         let mut any = false;
         mark_touched!(mesh, inverse, |s| any |= mark(&mut self.stale, s));
-        self.kept = self.kept.take().filter(|_| !any);
+        if any {
+            self.forget_parts();
+        }
         any
+    }
+
+    fn forget_parts(&mut self) {
+        if let Some(mut list) = self.kept.take() {
+            self.spare.extend(list.drain(..).map(Part::emptied));
+            self.spare_list = list;
+        }
     }
 
     /// True if the facts of a section hold.
@@ -205,6 +242,7 @@ impl SectionGraph {
         self.parent.extend(0..self.loose.len() as u32);
         let mut neighbours = std::mem::take(&mut self.facts[s.index()].neighbours);
         neighbours.clear();
+        neighbours.reserve(NEIGHBOURS);
         let mut facts = Facts { faces: self.loose.len(), lowest_origin: u32::MAX, neighbours, ..Facts::default() };
         let mut parts = self.loose.len();
         for i in 0..self.loose.len() {
@@ -260,19 +298,20 @@ impl SectionGraph {
         self.kept = Some(parts);
     }
 
-    /// The components that there are, for [`PartsBefore::of`].
-    pub fn parts_before(&mut self, mesh: &Mesh) -> PartsBefore {
+    /// Notes the components that there are, for [`PartsBefore::of`].
+    pub fn note_parts(&mut self, mesh: &Mesh, before: &mut PartsBefore) {
         let parts = self.parts(mesh);
-        let mut before = PartsBefore::default();
+        let PartsBefore { of_section, of_origin } = before;
+        of_section.clear();
+        of_origin.clear();
         if parts.len() > 1 {
-            before.of_section.resize(mesh.sections(), u32::MAX);
+            of_section.resize(mesh.sections(), u32::MAX);
             for (c, part) in (0u32..).zip(&parts) {
-                part.sections.iter().for_each(|s| before.of_section[s.index()] = c);
-                before.of_origin.extend(part.loose.iter().map(|&f| (mesh.face_info(f).origin, c)));
+                part.sections.iter().for_each(|s| of_section[s.index()] = c);
+                of_origin.extend(part.loose.iter().map(|&f| (mesh.face_info(f).origin, c)));
             }
         }
         self.keep(parts);
-        before
     }
 
     /// Sorts the loose faces into pieces, nodes behind those of the sections, and joins each to the whole sections it touches.
@@ -322,8 +361,8 @@ impl SectionGraph {
 
     fn collect(&mut self, mesh: &Mesh) -> Vec<Part> {
         let sections = self.facts.len();
-        let Self { facts, stale, loose, slots, parent, part_of, .. } = self;
-        let mut parts: Vec<Part> = Vec::new();
+        let Self { facts, stale, loose, slots, parent, part_of, spare, .. } = self;
+        let mut parts = std::mem::take(&mut self.spare_list);
         part_of.clear();
         part_of.resize(parent.len(), u32::MAX);
         let mut part = |node: usize, parts: &mut Vec<Part>| {
@@ -331,15 +370,11 @@ impl SectionGraph {
             if part_of[root] == u32::MAX {
                 part_of[root] = parts.len() as u32;
                 // the first one is often the only one
-                let [whole, loose] = if parts.is_empty() { [sections, loose.len()] } else { [0; 2] };
-                parts.push(Part {
-                    faces: 0,
-                    vertices: 0,
-                    lowest_face: FaceId::NONE,
-                    lowest_origin: u32::MAX,
-                    sections: Vec::with_capacity(whole),
-                    loose: Vec::with_capacity(loose),
-                });
+                let [whole, few] = if parts.is_empty() { [sections, loose.len()] } else { [0; 2] };
+                let mut new = spare.pop().unwrap_or_default();
+                new.sections.reserve(whole);
+                new.loose.reserve(few);
+                parts.push(new);
             }
             part_of[root] as usize
         };
@@ -371,7 +406,27 @@ impl SectionGraph {
     }
 }
 
+impl Default for Part {
+    /// A part of no faces.
+    fn default() -> Self {
+        let (sections, loose) = (Vec::new(), Vec::new());
+        Self { faces: 0, vertices: 0, lowest_face: FaceId::NONE, lowest_origin: u32::MAX, sections, loose }
+    }
+}
+
 impl Part {
+    fn with_room(mesh: &Mesh) -> Self {
+        let sections = Vec::with_capacity(headroom(mesh.sections()));
+        Self { sections, loose: Vec::with_capacity(mesh.face_slots().min(MOST_LOOSE)), ..Self::default() }
+    }
+
+    /// One of no faces, in its room.
+    fn emptied(mut self) -> Self {
+        self.sections.clear();
+        self.loose.clear();
+        Self { sections: self.sections, loose: self.loose, ..Self::default() }
+    }
+
     /// Takes it out and leaves a part without faces.
     pub fn take(&mut self) -> Self {
         let empty = Self { sections: Vec::new(), loose: Vec::new(), faces: 0, vertices: 0, ..*self };
@@ -456,7 +511,8 @@ mod tests {
             mesh.assign_sections(2, &sections.into_iter().map(SectionId).collect::<Vec<_>>());
             let mut graph = SectionGraph::default();
             graph.refresh(&mesh, |_, _| {});
-            let before = graph.parts_before(&mesh);
+            let mut before = PartsBefore::default();
+            graph.note_parts(&mesh, &mut before);
             // all but two faces of the second go
             let gone: Vec<FaceId> = (8..16).filter(|f| ![8, 8 + opposite].contains(f)).map(FaceId).collect();
             mesh.remove_faces(&gone, &mut TopologyScratch::default());

@@ -45,6 +45,21 @@ pub struct TopologyScratch {
     pub added: Vec<FaceId>,
 }
 
+impl TopologyScratch {
+    /// Makes room for edits of so many faces.
+    pub fn make_room(&mut self, faces: usize) {
+        self.edges.reserve(6 * faces);
+        self.removed.reserve(faces);
+        self.vertices.reserve(faces);
+        self.half_edges.reserve(3 * faces);
+        self.order.reserve(6 * faces);
+        self.copies.reserve(faces);
+        self.cut.reserve(3 * faces);
+        self.ties.reserve(2 * faces);
+        self.added.reserve(2 * faces);
+    }
+}
+
 impl Mesh {
     /// Appends a vertex without faces.
     pub fn add_vertex(&mut self) -> VertexId {

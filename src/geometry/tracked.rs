@@ -91,18 +91,18 @@ impl<T: Copy> Tracked<T> {
     /// Makes room for the entries that edits will append: a growing array is copied as a whole, which no edit should wait for.
     pub fn make_room(&mut self) {
         self.data.reserve(headroom(self.data.len()));
-        self.make_room_for_notes();
+        self.make_room_for_notes(1);
     }
 
-    /// Makes room for the notes of an edit.
-    fn make_room_for_notes(&mut self) {
-        self.log.reserve(NOTES_ROOM);
+    /// Makes room for the notes of so many usual edits.
+    pub fn make_room_for_notes(&mut self, edits: usize) {
+        self.log.reserve(edits * NOTES_ROOM);
     }
 
     /// Makes room for so many entries more, and for the notes of an edit.
     pub fn reserve(&mut self, entries: usize) {
         self.data.reserve(entries);
-        self.make_room_for_notes();
+        self.make_room_for_notes(1);
     }
 
     /// [`Tracked::set`] for many entries, each listed once: `new` makes the value from the old one.
@@ -231,6 +231,11 @@ pub struct Distinct {
 }
 
 impl Distinct {
+    /// With room for numbers below this one.
+    pub fn with_room(numbers: usize) -> Self {
+        Self { bits: vec![0; numbers.div_ceil(64)], words: Vec::with_capacity(numbers.div_ceil(64)) }
+    }
+
     /// Counts them.
     pub fn count(&mut self, numbers: impl Iterator<Item = usize>) -> usize {
         for n in numbers {

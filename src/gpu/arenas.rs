@@ -3,7 +3,9 @@
 //! A range that outgrows its room moves; its content is copied on the GPU, so that an edit never uploads a whole mesh
 //! again. An arena that is full is replaced by a larger one the same way.
 //!
-//! Memory: [`bytes_per_model`]. Headroom adds a quarter.
+//! Memory: [`bytes_per_model`]. Headroom adds a quarter (a half, up to 65,536 elements), and to what is small as much as twice what there is (to terms, which edits
+//! write anew most, eight times; 8 MB a tissue at most): a range that moves costs a frame a copy and two allocations. Where memory is
+//! short there is none.
 
 use super::allocator::RangeAllocator;
 use super::belt::Belt;
@@ -78,6 +80,18 @@ struct Arena {
     allocator: RangeAllocator,
 }
 
+/// Bytes that a buffer may hold.
+fn most_bytes(context: &Context) -> u64 {
+    let limits = context.device().limits();
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+}
+
+impl Arena {
+    fn most_elements(&self, context: &Context) -> u64 {
+        (most_bytes(context) / self.stride).min(u64::from(u32::MAX / 4))
+    }
+}
+
 /// All arenas.
 #[derive(Debug)]
 pub struct Arenas {
@@ -91,6 +105,15 @@ pub struct Arenas {
 const USAGE: wgpu::BufferUsages =
     wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST).union(wgpu::BufferUsages::COPY_SRC);
 
+/// Half as much again is given up to this many elements, a quarter beyond.
+const MOST_HALF: u64 = 1 << 16;
+/// Room that a small range gets, elements at most: vertices and wedges; faces; terms; vectors, as strokes add particles.
+const MOST_MORE: u64 = 1 << 13;
+const MOST_FACES_MORE: u64 = super::tissue_pass::GAP as u64 - 64;
+const MOST_TERMS_MORE: u64 = 1 << 18;
+const MOST_VECTORS_MORE: u64 = 1 << 12;
+/// Small ranges get that while their arena holds less than this share of what a buffer may hold.
+const AMPLE: u64 = 8;
 /// Smallest capacity of an arena, elements.
 const SMALLEST: u32 = 1024;
 
@@ -155,9 +178,13 @@ impl Arenas {
             slot.len = len as u32;
             return Ok(());
         }
-        let room = len as u64 + len as u64 / 4;
-        let room = room.next_multiple_of(64);
-        let range = self.take(context, kind, room)?;
+        let wanted = len as u64;
+        let ample = ample_room(kind, wanted);
+        let arena = &self.arenas[kind as usize];
+        let is_short = AMPLE * (u64::from(arena.allocator.capacity()) + ample) > arena.most_elements(context);
+        let room = if is_short { wanted + wanted / 4 } else { ample };
+        let in_full = self.take(context, kind, room.next_multiple_of(64));
+        let range = in_full.or_else(|_| self.take(context, kind, wanted.next_multiple_of(64)))?;
         let arena = &mut self.arenas[kind as usize];
         if keep && slot.len > 0 {
             move_content(context, &mut self.belt, arena, slot.start, range.start, slot.len);
@@ -203,9 +230,7 @@ impl Arenas {
         if let Some(range) = fits.and_then(|room| arena.allocator.take(room)) {
             return Ok(range);
         }
-        let limits = context.device().limits();
-        let limit_bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        let limit = (limit_bytes / arena.stride).min(u64::from(u32::MAX / 4));
+        let (limit_bytes, limit) = (most_bytes(context), arena.most_elements(context));
         let capacity = u64::from(arena.allocator.capacity());
         let needed = capacity - u64::from(arena.allocator.tail_gap()) + room;
         if needed > limit {
@@ -219,6 +244,18 @@ impl Arenas {
         self.generation += 1;
         Ok(arena.allocator.take(room as u32).expect("the arena was grown to hold it"))
     }
+}
+
+/// Elements that a range of `len` gets, at best.
+fn ample_room(kind: ArenaKind, len: u64) -> u64 {
+    let more = match kind {
+        ArenaKind::Terms => (8 * len).min(MOST_TERMS_MORE),
+        ArenaKind::Vectors => (4 * len).min(MOST_VECTORS_MORE),
+        // faces of pieces beside each other are drawn as one run, over gaps that are small
+        ArenaKind::Faces => len.min(MOST_FACES_MORE),
+        _ => (2 * len).min(MOST_MORE),
+    };
+    len + more.max(len / 4).max((len / 2).min(MOST_HALF))
 }
 
 fn make_buffer(device: &wgpu::Device, label: &str, size: u64) -> wgpu::Buffer {

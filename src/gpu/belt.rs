@@ -25,6 +25,9 @@ pub struct Belt {
 
 /// Staging memory comes in pieces of this size, or larger where one write is.
 const PIECE: u64 = 64 << 10;
+/// Bytes of a frame, and ranges that they go to, that there is room for at first.
+const BYTES: usize = 1 << 20;
+const STEPS: usize = 4096;
 /// After an upload larger than this (a new model) the memory for it is given back.
 const KEEP: usize = 16 << 20;
 
@@ -32,7 +35,7 @@ impl Belt {
     /// Nothing noted.
     pub fn new(context: &Context) -> Self {
         let staging = wgpu::util::StagingBelt::new(context.device().clone(), PIECE);
-        Self { staging, bytes: Vec::new(), steps: Vec::new(), uploaded: 0 }
+        Self { staging, bytes: Vec::with_capacity(BYTES), steps: Vec::with_capacity(STEPS), uploaded: 0 }
     }
 
     /// Bytes noted for upload so far, in all.

@@ -6,6 +6,7 @@
 use super::camera::Bounds;
 use super::tissue_store::transformed;
 use super::view::TissueView;
+use crate::geometry::room::headroom;
 use crate::geometry::{FaceId, VertexId};
 use crate::rig::JointMatrix;
 use std::ops::Range;
@@ -27,17 +28,26 @@ const UNMOVED: u32 = u32::MAX;
 #[derive(Debug, Default)]
 pub struct Clusters {
     parts: Vec<Vec<Part>>,
+    /// Empty ones for slots to come.
+    spare: Vec<Vec<Part>>,
     posed: Vec<Bounds>,
 }
+
+/// Joints that move the faces of a cluster, as many as there is room for at first.
+const JOINTS: usize = 16;
 
 impl Clusters {
     /// Takes in the faces of some slots as they are now. `anew` forgets all others: what a face slot once held is kept otherwise, so
     /// bounds only ever widen.
     pub fn grow(&mut self, view: &TissueView<'_>, slots: impl Iterator<Item = Range<usize>>, anew: bool) {
+        let clusters = view.mesh.face_slots().div_ceil(CLUSTER);
         if anew {
             self.parts.clear();
+            self.spare.resize_with(clusters + headroom(view.mesh.face_slots()) / CLUSTER, || Vec::with_capacity(JOINTS));
+            self.parts.reserve(self.spare.len());
+            self.posed.reserve(self.spare.len());
         }
-        self.parts.resize(view.mesh.face_slots().div_ceil(CLUSTER), Vec::new());
+        self.parts.resize_with(clusters, || self.spare.pop().unwrap_or_default());
         for f in slots.flatten().map(FaceId::new).filter(|&f| view.mesh.is_live(f)) {
             let parts = &mut self.parts[f.index() / CLUSTER];
             for v in view.mesh.face(f) {

@@ -130,7 +130,7 @@ fn draw_runs(pass: &mut wgpu::RenderPass<'_>, runs: &[(u32, u32)], view: u32) ->
 }
 
 /// Face slots that are nobody's are nothing to look at, so a small gap costs less than a draw.
-const GAP: u32 = 4096;
+pub(super) const GAP: u32 = 4096;
 
 fn merge_runs(runs: &mut Vec<(u32, u32)>) {
     runs.sort_unstable();

@@ -11,7 +11,7 @@ use super::groups::Groups;
 use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord, WOUNDED};
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
 use super::views::ViewPose;
-use crate::geometry::room::fit;
+use crate::geometry::room::{fit, headroom};
 use crate::geometry::{FaceId, Turn, VertexId};
 use crate::rig::{FADE_BLOCK, JointMatrix};
 use glam::{DAffine3, DVec3};
@@ -255,6 +255,7 @@ impl GpuTissue {
         self.long_rows &= !full;
         if full {
             self.fades.clear();
+            self.fades.reserve(if view.displacements.is_empty() { 0 } else { 2 * headroom(view.mesh.vertex_slots()) });
             self.fades_seen = 0;
         }
         self.upload_structure(arenas, view, ranges);
@@ -302,6 +303,12 @@ impl GpuTissue {
         for ((kind, slot), len) in self.slots.all().into_iter().zip(lengths) {
             // What the deform pass writes, it writes anew after a move.
             arenas.resize(context, kind, slot, len, kind != ArenaKind::Deformed)?;
+        }
+        // base vertices have no terms, and nothing fades before the first edit
+        let none_yet = [(ArenaKind::Terms, &mut self.slots.rows), (ArenaKind::Vectors, &mut self.slots.fades)];
+        for (kind, slot) in none_yet.into_iter().filter(|(_, slot)| slot.room == 0 && !view.displacements.is_empty()) {
+            arenas.resize(context, kind, slot, vertices, false)?;
+            slot.len = 0;
         }
         self.stale.all |= before != (self.slots.positions, self.slots.normals);
         Ok(())
@@ -384,7 +391,8 @@ impl GpuTissue {
         let Self { stale, groups, displacements, .. } = self;
         let known = displacements.len() == view.displacements.len() && view.rotations.is_empty();
         if known && !stale.all && groups.advance(view) {
-            stale.particles.resize(displacements.len(), false);
+            stale.particles.truncate(displacements.len());
+            fit(&mut stale.particles, displacements.len(), false);
             for ((stale, old), new) in stale.particles.iter_mut().zip(&*displacements).zip(view.displacements) {
                 *stale |= old != new;
             }
@@ -392,8 +400,9 @@ impl GpuTissue {
         } else {
             stale.all = true;
         }
-        displacements.clear();
-        displacements.extend_from_slice(view.displacements);
+        displacements.truncate(view.displacements.len());
+        fit(displacements, view.displacements.len(), DVec3::ZERO);
+        displacements.copy_from_slice(view.displacements);
     }
 
     /// Uploads the fades that differ from those on the GPU. Blocks that were not written since are not looked at.

@@ -160,7 +160,9 @@ const GAP: usize = 16;
 impl TissueDirty {
     /// Nothing changed.
     pub fn clean() -> Self {
-        Self::Ranges(DirtyRanges::default())
+        let mut ranges = DirtyRanges::default();
+        ranges.lists().into_iter().for_each(|list| list.reserve(RANGES));
+        Self::Ranges(ranges)
     }
 
     /// What an edit changed.
@@ -183,6 +185,9 @@ impl TissueDirty {
         }
     }
 }
+
+/// Ranges of a frame's edits that each list has room for at first.
+const RANGES: usize = 4096;
 
 impl DirtyRanges {
     fn lists(&mut self) -> [&mut Vec<Range<usize>>; 6] {

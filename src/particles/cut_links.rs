@@ -18,6 +18,12 @@ pub(super) struct Codes {
 }
 
 impl Codes {
+    /// Makes room for so many particles.
+    pub(super) fn make_room(&mut self, particles: usize) {
+        self.codes.reserve(particles);
+        self.set.reserve(particles);
+    }
+
     /// All bits set: parted from everything.
     fn begin(&mut self, particles: usize) {
         for j in self.set.drain(..) {

@@ -96,6 +96,13 @@ pub struct Flood {
 }
 
 impl Flood {
+    /// Makes room for floods of so many vertices on a mesh of so many.
+    pub(super) fn make_room(&mut self, vertices: usize, slots: usize) {
+        self.stamps.reserve(slots);
+        self.fans.found.reserve(4 * vertices);
+        self.reached.reserve(4 * vertices);
+    }
+
     /// Floods from `from` over vertices within `radius` of it (the border included). Returns `reached`.
     pub fn ball(&mut self, mesh: &Mesh, rest: &[DVec3], from: VertexId, radius: f64) -> &[VertexId] {
         let centre = rest[from.index()];

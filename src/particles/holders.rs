@@ -153,6 +153,12 @@ pub(super) struct VertexSet {
 }
 
 impl VertexSet {
+    /// Makes room for so many of vertices below a number.
+    pub(super) fn reserve(&mut self, listed: usize, vertices: usize) {
+        self.listed.reserve(listed);
+        self.bits.reserve(vertices.div_ceil(64));
+    }
+
     pub(super) fn insert(&mut self, v: VertexId) {
         let (word, bit) = (v.index() / 64, 1 << (v.index() % 64));
         if self.bits.len() <= word {

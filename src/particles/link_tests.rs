@@ -17,6 +17,9 @@ const BATCH: usize = 4;
 /// Strips near particles, over all of them, that are made room for at first.
 const ROOM: usize = 1 << 16;
 
+/// Strips near a particle that come at once.
+const FOUND: usize = 256;
+
 /// The strips near each particle, by particle. Anchors and strips do not move in rest space, so an update only has to look at the
 /// strips that are new; an undo, which takes strips away, forgets everything.
 #[derive(Clone, Debug, Default)]
@@ -68,8 +71,8 @@ impl VertexKey {
 impl TestedEnd {
     /// For as many strips as lips mostly know.
     fn with_room() -> Self {
-        let around = StripsAround { strips: Vec::with_capacity(8), is_known: false };
-        Self { of: VertexKey::default(), around, views: LipViews { views: Vec::with_capacity(4) } }
+        let around = StripsAround { strips: Vec::with_capacity(16), is_known: false };
+        Self { of: VertexKey::default(), around, views: LipViews { views: Vec::with_capacity(16) } }
     }
 
     fn look(&mut self, strips: &Strips, v: VertexId) {
@@ -341,6 +344,9 @@ impl LinkTests {
         self.particles.reserve(particles + headroom(particles));
         self.lists.strips.reserve(ROOM);
         self.lists.sights.reserve(ROOM / BATCH);
+        self.lists.unlisted.reserve(ROOM / BATCH);
+        self.found.reserve(FOUND);
+        self.spare_end = TestedEnd::with_room();
     }
 
     /// Finds the strips near a particle that have come since it was last looked at.

@@ -28,6 +28,9 @@ impl<T> Default for Lists<T> {
     }
 }
 
+/// Runs of one size that lists have moved out of.
+const LEFT: usize = 256;
+
 impl<T: Copy> Lists<T> {
     /// Empties all lists.
     pub(super) fn clear(&mut self) {
@@ -40,7 +43,7 @@ impl<T: Copy> Lists<T> {
     pub(super) fn reserve(&mut self, entries: usize) {
         self.runs.reserve(headroom(self.runs.len()));
         self.entries.reserve(entries);
-        self.left.iter_mut().for_each(|left| left.reserve(64));
+        self.left.iter_mut().for_each(|left| left.reserve(LEFT));
     }
 
     /// Number of entries of all lists, with what they have room for.

@@ -101,6 +101,9 @@ pub struct UpdateScratch {
     report: MapUpdateReport,
 }
 
+#[path = "update_room.rs"]
+mod update_room;
+
 impl UpdateScratch {
     /// The number of the next visit; never one that `tried` holds.
     fn visit(&mut self) -> u32 {

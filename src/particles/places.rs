@@ -7,6 +7,7 @@ use super::particle_map::{Influence, ParticleMap};
 use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
 use super::strips::{LipSide, Strips};
+use crate::geometry::room::rows_headroom;
 use crate::geometry::{ParticleId, SlotCsr, VertexId};
 use glam::{DVec3, Vec3A};
 
@@ -57,6 +58,13 @@ impl Places {
             lips.row(v).iter().for_each(|l| places.note_lip(VertexId::new(v), l.strip as usize));
         }
         places
+    }
+
+    /// Makes room for what edits will add.
+    pub(super) fn make_room(&mut self, vertices: usize, particles: usize) {
+        self.lips.reserve(rows_headroom(vertices));
+        self.anchors.make_room();
+        self.links.make_room(particles);
     }
 
     pub(super) fn note_lip(&mut self, v: VertexId, strip: usize) {

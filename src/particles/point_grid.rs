@@ -1,5 +1,6 @@
 //! A uniform grid over points: what is near, whatever its sheet.
 
+use crate::geometry::room::headroom;
 use glam::DVec3;
 
 /// Most cells a side, so that a tiny reach in a large model stays cheap.
@@ -58,6 +59,12 @@ impl PointGrid {
     /// True before the first build.
     pub fn is_empty(&self) -> bool {
         self.heads.is_empty()
+    }
+
+    /// Makes room for points that come later.
+    pub fn make_room(&mut self) {
+        self.entries.reserve(headroom(self.entries.len()));
+        self.cell_of.reserve(headroom(self.cell_of.len()));
     }
 
     /// Adds a point at a position; where it was before stays as a stale entry.

@@ -15,6 +15,11 @@ pub(super) struct Reaches {
 }
 
 impl Reaches {
+    /// Makes room for so many particles.
+    pub(super) fn make_room(&mut self, particles: usize) {
+        self.of.reserve(particles);
+    }
+
     /// Forgets all.
     pub(super) fn begin(&mut self, particles: usize) {
         if self.round == u32::MAX {

@@ -8,7 +8,7 @@ use super::particle_map::ParticleMap;
 use super::places::Places;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
-use crate::geometry::room::headroom;
+use crate::geometry::room::{headroom, rows_headroom};
 use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -18,6 +18,8 @@ use thiserror::Error;
 
 /// Strips that room is made for at first.
 const STROKES_ROOM: usize = 512;
+/// Strips that a vertex is a lip of, as many as there is room for at first.
+const LIPS_ROOM: usize = 32;
 
 /// One strip: the quad that the blade swept between two samples, in rest space.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -343,12 +345,19 @@ impl Strips {
     /// Makes room for the strips, and all that goes with them, of many strokes through this many vertices and particles.
     pub fn make_room(&mut self, vertices: usize, particles: usize) {
         self.strips.make_room();
-        self.lips.reserve(vertices + headroom(vertices), headroom(0));
+        self.lips.reserve(vertices + headroom(vertices), rows_headroom(vertices));
+        self.known_lips.reserve(headroom(vertices), vertices + headroom(vertices));
         self.wounds.make_room();
+        self.row.reserve(LIPS_ROOM);
         self.geometry.reserve(STROKES_ROOM);
         self.along.reserve(STROKES_ROOM);
-        self.places.lips.reserve(headroom(0));
-        self.places.links.make_room(particles);
+        self.places.make_room(vertices, particles);
+        if self.bvh.is_empty() {
+            // a tree keeps the room of its leaves
+            let leaf = |k: u32| aabb(DVec3::splat(f64::from(k)), DVec3::splat(f64::from(k)));
+            (0..STROKES_ROOM as u32).for_each(|k| self.bvh.insert(leaf(k), k));
+            (0..STROKES_ROOM as u32).for_each(|k| self.bvh.remove(k));
+        }
     }
 
     /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices; wound marks are to follow by

@@ -56,6 +56,13 @@ pub struct WorkRows {
 }
 
 impl WorkRows {
+    /// Makes room for an update of so many rows on a mesh of so many vertices.
+    pub(super) fn make_room(&mut self, rows: usize, slots: usize) {
+        self.slots.reserve(slots);
+        self.rows.reserve(rows);
+        self.inherited.reserve(8 * rows);
+    }
+
     /// Starts an update of a mesh with `vertices` slots: no row is open.
     pub fn begin(&mut self, vertices: usize) {
         if self.round == u32::MAX {

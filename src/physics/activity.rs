@@ -42,13 +42,19 @@ impl Activity {
         self.stamp = 0;
     }
 
-    /// Makes room for rows that were appended; who is awake stays.
-    pub fn grow(&mut self, rows: usize) {
+    /// Makes room for so many rows.
+    pub fn make_room(&mut self, rows: usize) {
         for list in [&mut self.disturbed, &mut self.restless, &mut self.awake, &mut self.lone, &mut self.queue, &mut self.dropped]
         {
             list.reserve(rows.saturating_sub(list.len()));
         }
         self.ranges.reserve((rows / 2 + 1).saturating_sub(self.ranges.len()));
+        self.stamps.reserve(rows.saturating_sub(self.stamps.len()));
+    }
+
+    /// Makes room for rows that were appended; who is awake stays.
+    pub fn grow(&mut self, rows: usize) {
+        self.make_room(rows);
         self.stamps.resize(rows.max(self.stamps.len()), 0);
     }
 

@@ -5,6 +5,7 @@
 //! `rate ((1 + g_i S_i) e_i - g_i sum_j s_ij e_j)`, `s_ij` symmetric, `g_i = coupling / m_i`, `S_i = sum_j s_ij`.
 
 use super::topology::NetworkTopology;
+use crate::geometry::room::headroom;
 use bytemuck::{Pod, Zeroable};
 use std::ops::Range;
 
@@ -107,6 +108,9 @@ pub struct Matrix {
     /// Farthest that a spring reaches from its row, in rows; `None` while it is to be found anew.
     width: Option<usize>,
 }
+
+/// Rows that name one of two, as many as there is room for at first.
+const NAMERS: usize = 256;
 
 impl Matrix {
     /// Fills the rows from the springs: `order[row]` is a particle, `row_of` the reverse. A spring's stiffness counts the
@@ -217,6 +221,14 @@ impl Matrix {
             }
         }
         self.end_row(start, (block, filled), from.heads[row].gain, sum);
+    }
+
+    /// Makes room for so many rows more, and for rows that are written anew.
+    pub fn make_room(&mut self, rows: usize) {
+        self.heads.reserve(rows);
+        self.blocks.reserve(4 * headroom(self.blocks.len()));
+        self.packed.reserve(self.blocks.capacity());
+        self.namers.reserve(NAMERS);
     }
 
     /// Appends a row without springs.

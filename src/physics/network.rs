@@ -7,11 +7,14 @@ use super::activity::Activity;
 use super::matrix::{Lanes, Matrix, add_scaled};
 use super::settings::{NetworkSettings, SettingsError};
 use super::topology::NetworkTopology;
+use crate::geometry::room::headroom;
 use crate::geometry::{ParticleId, StateHash, Turn};
 use glam::DVec3;
 
 /// Largest magnitude of any input (metres, m/s or N); beyond it, like NaN, an input is refused and counted.
 pub const INPUT_LIMIT: f64 = 1e12;
+/// Springs of a particle that there is room for at first.
+const SPRINGS: usize = 256;
 /// Rest threshold relative to the length given to [`Network::set_length`].
 pub const REST_THRESHOLD: f64 = 1e-6;
 
@@ -172,6 +175,24 @@ impl Network {
             self.held[grab.row as usize] = true;
         }
         self.reset_activity();
+    }
+
+    /// Makes room for particles that edits will add.
+    pub fn make_room(&mut self) {
+        let more = headroom(self.len());
+        for list in [&mut self.order, &mut self.row_of] {
+            list.reserve(more);
+        }
+        for vector in [&mut self.e, &mut self.v, &mut self.rest, &mut self.force, &mut self.next_rest] {
+            vector.reserve(more);
+        }
+        self.masses.reserve(more);
+        self.held.reserve(more);
+        self.displacement.reserve(more);
+        self.springs.reserve(SPRINGS);
+        self.matrix.make_room(more);
+        self.activity.make_room(self.len() + more);
+        self.reserve_lists(self.len() + more);
     }
 
     /// Makes room in the lists of rows, so that a step allocates nothing.

@@ -75,6 +75,15 @@ pub struct StepScratch {
 }
 
 impl StepScratch {
+    /// Makes room for so many particles.
+    pub fn make_room(&mut self, particles: usize) {
+        for list in [&mut self.state, &mut self.newer, &mut self.newest] {
+            list.reserve(particles);
+        }
+        self.drift.reserve(particles);
+        self.ramp.reserve(particles);
+    }
+
     /// How often series coefficients were computed.
     pub fn series_updates(&self) -> u64 {
         self.series.updates

@@ -17,6 +17,8 @@ pub struct Fades {
     entries: Vec<[f32; 4]>,
     written: Vec<u64>,
     writes: u64,
+    /// Zeros for the first fade: no memory before they are written to.
+    room: Vec<[f32; 4]>,
     /// When the last one ends, seconds.
     pub end_s: f64,
     /// How long one takes, seconds; 0: offsets stay for good.
@@ -29,6 +31,15 @@ impl Fades {
     /// Fades that take `duration_s`; no vertex has one.
     pub fn new(duration_s: f64) -> Self {
         Self { duration_s, ..Self::default() }
+    }
+
+    /// Makes room for the first fade of so many vertices.
+    pub fn make_room(&mut self, vertices: usize) {
+        let all = vertices + headroom(vertices);
+        if self.entries.is_empty() && self.room.len() < vertices {
+            self.room = vec![[0.0; 4]; all];
+        }
+        self.written.reserve((all / FADE_BLOCK).saturating_sub(self.written.len()));
     }
 
     /// `c` in the rest frame (metres) and the start time (seconds) of each vertex; zero `c` for none. Empty: no vertex fades.
@@ -44,7 +55,7 @@ impl Fades {
 
     /// The same rules and times for the vertices of a piece, which were `from` here.
     pub fn extract(&self, from: &[VertexId]) -> Self {
-        let mut piece = Self { entries: Vec::new(), written: Vec::new(), ..*self };
+        let mut piece = Self { writes: self.writes, end_s: self.end_s, longest: self.longest, ..Self::new(self.duration_s) };
         if !self.entries.is_empty() {
             let known = |v: &VertexId| self.entries.get(v.index()).copied().unwrap_or_default();
             piece.entries.extend(from.iter().map(known));
@@ -101,8 +112,8 @@ impl Fades {
     /// Starts the fade of `v`: `target - position` is what the vertex must be moved by now, `pose` and `rows` its skin.
     pub fn start(&mut self, rows: &VertexRows, pose: &Pose, v: VertexId, moved: DVec3, time_s: f64) {
         if self.entries.is_empty() {
-            // no memory before it is written to
-            self.entries = vec![[0.0; 4]; rows.len() + headroom(rows.len())];
+            self.make_room(rows.len());
+            self.entries = std::mem::take(&mut self.room);
             self.entries.truncate(rows.len());
         }
         self.follow(rows.len());

@@ -4,6 +4,7 @@
 //! All others are *embedded*: a sparse row of weights over base vertices that sums to 1, skinned as the same
 //! combination of skinned positions, so they stay on the deformed surface in every pose.
 
+use crate::geometry::room::rows_headroom;
 use crate::geometry::{Delta, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 
@@ -69,6 +70,9 @@ impl VertexRowsDelta {
         self.bones.append(&later.bones);
     }
 }
+
+/// Terms of a row that is being made, as many as there is room for at first.
+const ROW_ROOM: usize = 64;
 
 impl VertexRows {
     /// Rows of a freshly loaded model: every vertex is a base vertex. `bones` has a row a vertex.
@@ -199,6 +203,9 @@ impl VertexRows {
     pub fn make_room(&mut self) {
         self.rest_position.make_room();
         self.rows.make_room();
+        // a base vertex has no terms of its own
+        self.rows.reserve(0, rows_headroom(self.rest_position.len()));
+        self.scratch.reserve(ROW_ROOM);
         self.bones.make_room();
     }
 

@@ -1,8 +1,9 @@
 //! The bounded plane cut over the whole scene: only the part of the plane that the blade swept.
 
-use super::edit::{Before, in_frame, note_delta, upload_bytes};
+use super::edit::{in_frame, note_delta, upload_bytes};
 use super::history::Unit;
 use super::report::{EditReport, Outcome};
+use super::strokes::Before;
 use super::{Scene, TissueId};
 use crate::geometry::Plane;
 use glam::DVec3;
@@ -16,7 +17,7 @@ impl Scene {
         let mut sides = Vec::new();
         for id in self.tissues.keys().copied().collect::<Vec<_>>() {
             let Some(tissue) = self.tissues.get_mut(&id) else { continue };
-            let before = Before::of(tissue, self.measuring);
+            let mut before = Before::of(tissue, self.measuring);
             report.area_before += before.area;
             report.volume_before += before.volume;
             let local = in_frame(plane, &tissue.frame());

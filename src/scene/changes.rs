@@ -4,6 +4,10 @@ use super::TissueId;
 use crate::tissue::TissueDelta;
 use std::sync::Arc;
 
+/// Changes of a frame that there is room for at first, and deltas with room of their own.
+const NOTED_ROOM: usize = 64;
+const DELTAS: usize = 4;
+
 /// Deltas in order, kept only while someone watches, and those that came back: a frame that tears makes none anew.
 #[derive(Debug, Default)]
 pub(super) struct Changes {
@@ -15,6 +19,9 @@ pub(super) struct Changes {
 impl Changes {
     pub(super) fn watch(&mut self) {
         self.is_watched = true;
+        self.noted.reserve(NOTED_ROOM);
+        self.spare.reserve(NOTED_ROOM);
+        self.spare.resize_with(DELTAS, || Arc::new(TissueDelta::with_room(1)));
     }
 
     /// Notes what history holds too.

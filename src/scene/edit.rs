@@ -4,15 +4,13 @@ use super::changes::Changes;
 use super::history::{Change, Unit};
 use super::report::{EditReport, Outcome, PieceReport};
 use super::{Scene, TissueId};
-use crate::geometry::{Distinct, FaceId, Part, PartsBefore, Plane};
+use crate::geometry::{Distinct, FaceId, Part, Plane};
 use crate::physics::{RigidPose, RigidShape};
+use crate::surgery::BladePose;
 use crate::surgery::cap::CapOutcome;
-use crate::surgery::{BladePose, Sampling};
 use crate::tissue::measure::Sums;
-use crate::tissue::stroke::TearStroke;
 use crate::tissue::{Tissue, TissueDelta};
 use glam::DVec3;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A user's wish. Positions in model space, metres.
@@ -92,64 +90,8 @@ pub enum EditCommand {
     },
 }
 
-/// A tissue before a stroke: for its report, and to tell new components from old ones.
-#[derive(Default)]
-pub(super) struct Before {
-    pub(super) area: f64,
-    pub(super) volume: f64,
-    parts: PartsBefore,
-}
-
-/// Tissues that a stroke may go through before it has to find room for one more.
-const SPARE_STROKES: usize = 4;
-
-/// A stroke in progress through one tissue, with what it has changed so far.
-pub(super) struct StrokeOf {
-    id: TissueId,
-    stroke: TearStroke,
-    before: Before,
-    /// The way back over all of it.
-    undo: TissueDelta,
-    /// Scratch: what has changed besides the boxes.
-    rest: TissueDelta,
-    /// Bytes that a mirror had to follow.
-    bytes: usize,
-    distinct: Distinct,
-}
-
-impl StrokeOf {
-    fn new(id: TissueId, before: Before, stroke: TearStroke) -> Self {
-        let [undo, rest] = Default::default();
-        Self { id, stroke, before, undo, rest, bytes: 0, distinct: Distinct::default() }
-    }
-
-    /// Some that are over before they begin, for their buffers: the first strokes find room as the later ones do. The last, which is
-    /// taken first, has room for all of `tissue`.
-    pub(super) fn spares(id: TissueId, tissue: &Tissue, sampling: Sampling) -> Vec<Self> {
-        let spare = |stroke| {
-            let [undo, rest] = [4, 1].map(TissueDelta::with_room);
-            Self { undo, rest, ..Self::new(id, Before::default(), stroke) }
-        };
-        let stroke = || TearStroke::with_room(tissue, sampling);
-        let first = stroke().prepare_for(tissue);
-        (1..SPARE_STROKES).map(|_| stroke()).chain([first]).map(spare).collect()
-    }
-
-    /// Notes what has changed since the last call, and tells those who keep a mirror.
-    fn note_changes(&mut self, tissue: &mut Tissue, changes: &mut Changes) {
-        let Self { id, stroke, undo, rest, bytes, distinct, .. } = self;
-        tissue.take_delta_into(rest);
-        let mut note = |delta: &mut TissueDelta| {
-            undo.append(delta);
-            changes.take_over(*id, delta);
-        };
-        *bytes += stroke.drain_deltas(&mut note);
-        if !rest.is_empty() {
-            *bytes += rest.upload_bytes(distinct);
-            note(rest);
-        }
-    }
-}
+/// Reports that are kept for their room.
+const MOST_SPARE_REPORTS: usize = 4;
 
 /// Adds what a tissue changed to `deltas`, and tells those who keep a mirror.
 pub(super) fn note_delta(changes: &mut Changes, id: TissueId, delta: TissueDelta, deltas: &mut Vec<Arc<TissueDelta>>) {
@@ -171,6 +113,12 @@ impl Scene {
     /// redo, a reset. Those four end a stroke that is in progress, so that history stays a sequence.
     pub fn edit(&mut self, command: EditCommand) -> Vec<EditReport> {
         let mut reports = Vec::new();
+        self.edit_into(command, &mut reports);
+        reports
+    }
+
+    /// [`Scene::edit`], with the reports added to others.
+    pub fn edit_into(&mut self, command: EditCommand, reports: &mut Vec<EditReport>) {
         if matches!(
             command,
             EditCommand::Cut(_)
@@ -203,7 +151,12 @@ impl Scene {
             EditCommand::PlaceCollider { id, shape, pose } => self.place_collider(id, shape, pose),
             EditCommand::RemoveCollider { id } => self.remove_collider(id),
         }
-        reports
+    }
+
+    /// Takes reports back that nobody reads any more: the next ones use their room.
+    pub fn give_back_reports(&mut self, reports: &mut Vec<EditReport>) {
+        let room = MOST_SPARE_REPORTS.saturating_sub(self.spare_reports.len());
+        self.spare_reports.extend(reports.drain(..).take(room));
     }
 
     fn step_history(&mut self, kind: &'static str, outcome: Outcome, step: impl FnOnce(&mut Self) -> bool) -> EditReport {
@@ -229,81 +182,6 @@ impl Scene {
             report.area_before += measured.area;
             report.volume_before += measured.volume_about(tissue.to_tissue(DVec3::ZERO));
         }
-    }
-
-    fn begin_stroke(&mut self, width: f64) {
-        if !self.strokes.is_empty() {
-            return;
-        }
-        self.last_boxes.clear();
-        self.last_slits.clear();
-        for (&id, tissue) in &mut self.tissues {
-            let before = Before::of(tissue, self.measuring);
-            let sampling = self.settings.sampling(tissue);
-            let mut stroke = match self.spare_strokes.pop() {
-                Some(spare) => StrokeOf { id, before, stroke: spare.stroke.again(tissue, width, sampling), bytes: 0, ..spare },
-                None => StrokeOf::new(id, before, TearStroke::new(tissue, width, sampling)),
-            };
-            stroke.stroke.set_wall(self.wall);
-            tissue.take_delta_into(&mut stroke.undo);
-            debug_assert!(stroke.undo.is_empty(), "an edit has left notes");
-            self.strokes.push(stroke);
-        }
-    }
-
-    fn stroke_pose(&mut self, pose: BladePose) {
-        for stroke in &mut self.strokes {
-            if let Some(tissue) = self.tissues.get_mut(&stroke.id) {
-                let (tip, base) = (tissue.to_tissue(pose.tip), tissue.to_tissue(pose.base));
-                stroke.stroke.push(tissue, BladePose { tip, base, ..pose });
-                stroke.note_changes(tissue, &mut self.changes);
-            }
-        }
-    }
-
-    fn end_stroke(&mut self) -> Option<EditReport> {
-        if self.strokes.is_empty() {
-            return None;
-        }
-        let mut report = EditReport { kind: "tear", ..EditReport::default() };
-        let mut unit = Unit::default();
-        let mut pieces = Vec::new();
-        let mut strokes = std::mem::take(&mut self.strokes);
-        for ended in &mut strokes {
-            let Some(tissue) = self.tissues.get_mut(&ended.id) else { continue };
-            ended.stroke.release(tissue);
-            ended.note_changes(tissue, &mut self.changes);
-            let StrokeOf { id, ref stroke, ref before, .. } = *ended;
-            report.area_before += before.area;
-            report.volume_before += before.volume;
-            add_segments(&mut report, stroke);
-            self.last_boxes.extend(stroke.boxes().iter().map(|b| b.carried(|p| tissue.to_model(p))));
-            self.last_slits.extend(stroke.slits().iter().map(|s| s.carried(|p| tissue.to_model(p))));
-            if !stroke.has_torn() {
-                continue;
-            }
-            report.bytes_uploaded += ended.bytes;
-            let deltas = vec![Arc::new(ended.undo.clone())];
-            if report.outcome == Outcome::Missed {
-                report.outcome = Outcome::Torn;
-            }
-            let severed = report.stages.time("components", || {
-                let mut severed = before.new_components(tissue);
-                tissue.drop_crumbs(&mut severed);
-                severed
-            });
-            if !severed.is_empty() {
-                report.outcome = Outcome::Severed;
-            }
-            pieces.extend(self.separate(id, severed, deltas, &mut unit, &mut report));
-        }
-        self.spare_strokes.append(&mut strokes);
-        self.strokes = strokes;
-        let order = self.tissues.keys().copied().filter(|id| !pieces.contains(id)).collect::<Vec<_>>();
-        let all = order.into_iter().chain(pieces).map(|id| (id, 0)).collect();
-        self.commit(unit);
-        self.finish_report(&mut report, all);
-        Some(report)
     }
 
     /// Cuts every tissue along `plane` (model space); with `closed`, pieces get caps.
@@ -398,18 +276,27 @@ impl Scene {
         made
     }
 
-    /// Totals over all tissues, and the pieces in CONTRACT's order. `sides` lists tissues with their sides; empty: all.
+    /// Totals over all tissues, and the pieces in CONTRACT's order. `sides` lists tissues with their sides; empty: all, those that
+    /// came off last, as their ids are.
     pub(super) fn finish_report(&mut self, report: &mut EditReport, sides: Vec<(TissueId, i8)>) {
         let (mut measuring, measured) = (std::mem::take(&mut report.measuring), self.measuring);
         measuring.time("after", || {
-            let sides = if sides.is_empty() { self.tissues.keys().map(|&id| (id, 0)).collect() } else { sides };
             report.max_row_entries = self.tissues.values().map(|tissue| tissue.longest_row()).max().unwrap_or(0);
-            let tissues = &mut self.tissues;
-            let sums: BTreeMap<TissueId, Sums> = tissues.iter_mut().map(|(&id, tissue)| (id, tissue.sums_if(measured))).collect();
-            report.vertices = sums.values().map(|s| s.vertices).sum();
-            report.faces = sums.values().map(|s| s.measures.faces).sum();
-            let piece = |(id, side)| Some(piece_report(id, tissues.get(&id)?, sums.get(&id)?, side));
-            report.pieces = sides.into_iter().filter_map(piece).filter(|p| p.faces > 0).collect();
+            let mut all = std::mem::take(&mut self.sums);
+            all.clear();
+            all.extend(self.tissues.iter_mut().map(|(&id, tissue)| (id, tissue.sums_if(measured))));
+            report.vertices = all.iter().map(|(_, s)| s.vertices).sum();
+            report.faces = all.iter().map(|(_, s)| s.measures.faces).sum();
+            let tissues = &self.tissues;
+            let piece = |(id, side): (TissueId, i8)| {
+                let sums = all.binary_search_by_key(&id, |s| s.0).ok()?;
+                Some(piece_report(id, tissues.get(&id)?, &all[sums].1, side)).filter(|p| p.faces > 0)
+            };
+            match sides.is_empty() {
+                true => report.pieces.extend(tissues.keys().filter_map(|&id| piece((id, 0)))),
+                false => report.pieces.extend(sides.into_iter().filter_map(piece)),
+            }
+            self.sums = all;
         });
         report.measuring = measuring;
         if report.kind == "cut" {
@@ -436,26 +323,6 @@ fn piece_report(id: TissueId, tissue: &Tissue, sums: &Sums, side: i8) -> PieceRe
     }
 }
 
-fn add_segments(report: &mut EditReport, stroke: &TearStroke) {
-    report.segments.reserve(stroke.reports().len());
-    for segment in stroke.reports() {
-        report.new_vertices += segment.new_vertices;
-        report.intersection_points += segment.intersection_points;
-        report.faces_visited += segment.faces_visited;
-        report.area_removed += segment.area_removed;
-        report.promoted_vertices += segment.promoted_vertices;
-        report.wall_faces += segment.wall_faces;
-        report.unclosed_edges += segment.unclosed_edges;
-        report.wall_deviation = report.wall_deviation.max(segment.wall_deviation);
-        if segment.smallest_angle > 0.0 || segment.new_vertices > 0 {
-            let known = report.smallest_angle.unwrap_or(f64::INFINITY);
-            report.smallest_angle = Some(known.min(segment.smallest_angle)).filter(|a| a.is_finite());
-        }
-        report.stages.merge(&segment.stages);
-        report.segments.push(segment.clone());
-    }
-}
-
 /// A plane of model space in tissue space.
 pub(super) fn in_frame(plane: &Plane, frame: &RigidPose) -> Plane {
     match *plane {
@@ -463,38 +330,5 @@ pub(super) fn in_frame(plane: &Plane, frame: &RigidPose) -> Plane {
         Plane::Equation { normal, offset: d } => {
             Plane::Equation { normal: frame.direction_in(normal), offset: d - normal.dot(frame.translation) }
         }
-    }
-}
-
-impl Before {
-    pub(super) fn of(tissue: &mut Tissue, measuring: bool) -> Self {
-        let m = tissue.sums_before(measuring).measures;
-        let parts = tissue.parts_before();
-        Self { area: m.area, volume: m.volume_about(tissue.to_tissue(DVec3::ZERO)), parts }
-    }
-
-    /// Components that the stroke split off: of each component there was, all parts but the largest, with the cavities inside them.
-    /// Faces ascending.
-    pub(super) fn new_components(&self, tissue: &mut Tissue) -> Vec<Vec<FaceId>> {
-        let mut now = tissue.parts();
-        let mesh = tissue.mesh();
-        let mut largest: BTreeMap<u32, usize> = BTreeMap::new();
-        for (i, part) in now.iter().enumerate() {
-            let kept = largest.entry(self.parts.of(mesh, part)).or_insert(i);
-            if now[*kept].faces < part.faces {
-                *kept = i;
-            }
-        }
-        let keep: Vec<usize> = largest.into_values().collect();
-        for (cavity, around) in tissue.severed_cavities(&now, &keep) {
-            let cavity = now[cavity].take();
-            now[around].absorb(cavity);
-        }
-        let left = now.iter().enumerate().filter(|(i, _)| !keep.contains(i));
-        let left: Vec<_> = left.map(|(_, part)| part.sorted_faces(mesh)).collect();
-        if left.is_empty() {
-            tissue.keep_parts(now);
-        }
-        left
     }
 }

@@ -26,13 +26,76 @@ pub(super) struct History {
     redo: Vec<Unit>,
     /// Bytes that a GPU mirror needed to follow undone and redone units, in all.
     pub travelled_bytes: usize,
+    /// Room for the changes of the next units.
+    spare_changes: Vec<Vec<Change>>,
+    /// Room for the deltas of the next strokes.
+    spare_deltas: Vec<Vec<Arc<TissueDelta>>>,
+}
+
+/// Units that there is room for at first.
+const UNITS_ROOM: usize = 256;
+/// Strokes that there is room for: no frame in which one ends waits for it.
+const STROKES: usize = 16;
+/// Edits to the room of a delta.
+const EDITS: usize = 4;
+
+impl History {
+    /// Empty, with room for the next strokes.
+    pub(super) fn with_room() -> Self {
+        let mut history = Self { undo: Vec::with_capacity(UNITS_ROOM), ..Self::default() };
+        while history.make_room() {}
+        history
+    }
+
+    /// Makes room for one more stroke. False if there is enough.
+    pub(super) fn make_room(&mut self) -> bool {
+        if self.spare_changes.len() < STROKES {
+            self.spare_changes.push(Vec::with_capacity(4));
+        }
+        if self.spare_deltas.len() < STROKES {
+            let mut deltas = Vec::with_capacity(2);
+            deltas.push(Arc::new(TissueDelta::with_room(EDITS)));
+            self.spare_deltas.push(deltas);
+        }
+        self.spare_changes.len().min(self.spare_deltas.len()) < STROKES
+    }
+
+    /// A unit of no changes yet.
+    pub(super) fn unit(&mut self) -> Unit {
+        Unit { changes: self.spare_changes.pop().unwrap_or_default() }
+    }
+
+    /// Takes over what a stroke has changed; `delta` gets the room for another's.
+    pub(super) fn take_over(&mut self, delta: &mut TissueDelta) -> Vec<Arc<TissueDelta>> {
+        let mut deltas = self.spare_deltas.pop().unwrap_or_else(|| vec![Arc::default()]);
+        if let Some(own) = deltas.first_mut().and_then(Arc::get_mut) {
+            std::mem::swap(own, delta);
+        }
+        deltas
+    }
+
+    /// Forgets what was undone; its room is used again.
+    fn forget_redo(&mut self) {
+        for mut unit in self.redo.drain(..) {
+            for change in unit.changes.drain(..) {
+                let Change::Edited(_, mut deltas) = change else { continue };
+                deltas.truncate(1);
+                if self.spare_deltas.len() < STROKES && deltas.first_mut().is_some_and(|d| Arc::get_mut(d).is_some()) {
+                    self.spare_deltas.push(deltas);
+                }
+            }
+            if self.spare_changes.len() < STROKES {
+                self.spare_changes.push(unit.changes);
+            }
+        }
+    }
 }
 
 impl Scene {
     /// Puts a unit on the stack; what was undone before can no longer be redone.
     pub(super) fn commit(&mut self, unit: Unit) {
         if !unit.changes.is_empty() {
-            self.history.redo.clear();
+            self.history.forget_redo();
             self.history.undo.push(unit);
         }
     }

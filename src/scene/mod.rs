@@ -8,6 +8,7 @@ mod grab;
 mod history;
 pub mod report;
 mod rigid;
+mod strokes;
 
 pub use edit::EditCommand;
 pub use report::{EditReport, Outcome, PieceReport};
@@ -16,6 +17,7 @@ pub use rigid::{ColliderView, Fixed, PieceSettings};
 use crate::geometry::{ParticleId, StateHash};
 use crate::surgery::{Sampling, Slit, TearBox, WallMode};
 use crate::tissue::edit::CutScratch;
+use crate::tissue::measure::Sums;
 use crate::tissue::{Tissue, TissueDelta};
 use changes::Changes;
 use glam::DVec3;
@@ -44,10 +46,14 @@ pub struct Scene {
     tissues: BTreeMap<TissueId, Box<Tissue>>,
     next_id: u32,
     history: History,
-    strokes: Vec<edit::StrokeOf>,
+    strokes: Vec<strokes::StrokeOf>,
     wall: WallMode,
     /// Strokes that are over, whose buffers the next ones use.
-    spare_strokes: Vec<edit::StrokeOf>,
+    spare_strokes: Vec<strokes::StrokeOf>,
+    /// Reports that came back, whose room the next ones use.
+    spare_reports: Vec<EditReport>,
+    /// Scratch: what tissues measure.
+    sums: Vec<(TissueId, Sums)>,
     changes: Changes,
     last_boxes: Vec<TearBox>,
     last_slits: Vec<Slit>,
@@ -61,25 +67,29 @@ pub struct Scene {
     rigid: rigid::Rigid,
 }
 
+/// Tissues that there is room for at first.
+const TISSUES_ROOM: usize = 16;
 /// Boxes of a stroke that there is room for at first.
 const BOXES_ROOM: usize = 256;
 
 impl Scene {
     /// A scene with one tissue.
-    pub fn new(tissue: Tissue, settings: SceneSettings) -> Self {
+    pub fn new(mut tissue: Tissue, settings: SceneSettings) -> Self {
         let rigid = rigid::Rigid::new(&tissue);
         let sampling = settings.sampling(&tissue);
         let first = TissueId(0);
         Self {
-            spare_strokes: edit::StrokeOf::spares(first, &tissue, sampling),
+            spare_strokes: strokes::StrokeOf::spares(first, &mut tissue, sampling),
             tissues: BTreeMap::from([(first, Box::new(tissue))]),
             next_id: 1,
-            history: History::default(),
-            strokes: Vec::new(),
+            history: History::with_room(),
+            strokes: Vec::with_capacity(TISSUES_ROOM),
             wall: WallMode::Open,
+            spare_reports: vec![EditReport::with_room()],
+            sums: Vec::with_capacity(TISSUES_ROOM),
             changes: Changes::default(),
             last_boxes: Vec::with_capacity(BOXES_ROOM),
-            last_slits: Vec::new(),
+            last_slits: Vec::with_capacity(BOXES_ROOM),
             grabs: Vec::new(),
             held: Vec::new(),
             settings,
@@ -108,6 +118,11 @@ impl Scene {
     /// Starts keeping the deltas of every edit for [`Scene::take_changes`]: for those who mirror the scene.
     pub fn watch_changes(&mut self) {
         self.changes.watch();
+    }
+
+    /// Makes room for the next stroke, where one before has used some: a frame does it once it is on its way.
+    pub fn make_room(&mut self) {
+        self.history.make_room();
     }
 
     /// Deltas of edits, undone and redone ones too, since the last call; empty unless watched.

@@ -5,6 +5,10 @@ use crate::diagnostics::Stages;
 use crate::surgery::cap::CapOutcome;
 use crate::tissue::stroke::SegmentReport;
 
+/// Segments of a stroke that a report has room for at first, and pieces.
+const SEGMENTS: usize = 256;
+const PIECES: usize = 16;
+
 /// How an edit ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outcome {
@@ -133,4 +137,18 @@ pub struct EditReport {
     pub measuring: Stages,
     /// Tears: one entry a segment.
     pub segments: Vec<SegmentReport>,
+}
+
+impl EditReport {
+    /// An empty report of this kind, in the room of one that nobody reads any more.
+    pub(super) fn again(mut self, kind: &'static str) -> Self {
+        self.segments.clear();
+        self.pieces.clear();
+        Self { kind, segments: self.segments, pieces: self.pieces, ..Self::default() }
+    }
+
+    /// Empty, with room for the segments of a usual stroke.
+    pub(super) fn with_room() -> Self {
+        Self { segments: Vec::with_capacity(SEGMENTS), pieces: Vec::with_capacity(PIECES), ..Self::default() }
+    }
 }

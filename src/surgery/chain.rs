@@ -39,11 +39,21 @@ pub struct ChainBuilder {
     is_leaving: bool,
 }
 
+/// Lanes of a stroke that there is room for at first.
+const LANES: usize = 4;
+
 impl ChainBuilder {
     /// A builder for one stroke of `width` metres (0: a slit; negative or NaN counts as 0, callers refuse it earlier).
     pub fn new(width: f64, sampling: &Sampling) -> Self {
         let maker = Maker::new(width, sampling);
         Self { maker, last: None, lanes: Vec::new(), before: Vec::new(), outside: None, is_leaving: false }
+    }
+
+    /// Makes room for a usual stroke.
+    pub fn make_room(&mut self) {
+        self.lanes.reserve(LANES);
+        self.before.reserve(LANES);
+        self.maker.make_room(LANES);
     }
 
     /// A builder for another stroke in the buffers of one that is over.

@@ -53,6 +53,15 @@ pub struct ClippedFace {
 }
 
 impl ClippedFace {
+    /// Makes room for so many points.
+    pub fn make_room(&mut self, points: usize) {
+        for (points_of, carriers) in [(&mut self.points, &mut self.carriers), (&mut self.spare.0, &mut self.spare.1)] {
+            points_of.reserve(points);
+            carriers.reserve(points);
+        }
+        self.signs.reserve(points);
+    }
+
     /// Clips the face with corner `values` to the inside of the first `planes` planes. Returns false, leaving the polygon
     /// empty, if no point of the face lies strictly inside. Points exactly on a plane count as outside (MATHS 6).
     pub fn clip(&mut self, values: &[&PlaneValues; 3], planes: usize) -> bool {

@@ -66,6 +66,12 @@ fn edge_key(a: VertexId, b: VertexId) -> u64 {
 }
 
 impl EdgePoints {
+    /// Makes room for so many points.
+    pub fn make_room(&mut self, points: usize) {
+        self.heads.reserve(points);
+        self.points.reserve(points);
+    }
+
     /// Forgets all points.
     pub fn clear(&mut self) {
         self.heads.clear();
@@ -124,6 +130,12 @@ pub struct WedgeMaker {
 }
 
 impl WedgeMaker {
+    /// Makes room for so many wedges.
+    pub fn make_room(&mut self, wedges: usize) {
+        self.on_edges.reserve(wedges);
+        self.groups.reserve(wedges);
+    }
+
     /// Forgets the wedges made so far.
     pub fn clear(&mut self) {
         self.on_edges.clear();

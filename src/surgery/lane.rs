@@ -353,6 +353,12 @@ impl Maker {
         self.width = nominal.max(self.grid.step * 1024.0);
     }
 
+    /// Makes room for so many lanes.
+    pub(super) fn make_room(&mut self, lanes: usize) {
+        self.spare.reserve(2 * lanes);
+        self.spare.resize_with(lanes, || Vec::with_capacity(ROOM));
+    }
+
     /// Another's rooms, which it needs no more.
     pub(super) fn with_rooms_of(self, other: Self) -> Self {
         Self { spare: other.spare, ..self }

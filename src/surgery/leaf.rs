@@ -10,6 +10,7 @@ use super::clip::edge_parameter;
 use crate::geometry::Plane;
 use crate::geometry::predicates::{sign_cross, sign_det2, sign_det3};
 use glam::DVec3;
+use smallvec::{SmallVec, smallvec};
 
 /// Lines that a leaf may share with another, as bits: vertices made on them lie exactly on both (MATHS 5.6: zero by tag).
 pub mod line {
@@ -36,7 +37,7 @@ pub struct Leaf {
     /// The plane; its positive side is the plus side of the cut.
     pub plane: Plane,
     /// One for each edge of the polygon.
-    pub bounds: Vec<Bound>,
+    pub bounds: SmallVec<[Bound; 4]>,
     /// Lines shared with other leaves: the plane contains them.
     pub lines: u8,
     /// A vertex this near to the plane counts as on it, metres; 0: only one that lies on it exactly. It is not moved: the
@@ -63,7 +64,7 @@ impl Leaf {
         let triple = best_triple(corners)?;
         let mut leaf = Self {
             plane: Plane::Points(triple),
-            bounds: Vec::with_capacity(n),
+            bounds: SmallVec::new(),
             lines: 0,
             tolerance: 0.0,
             min: corners.iter().copied().reduce(DVec3::min)?,
@@ -105,7 +106,7 @@ impl Leaf {
     /// The triangles of a slit, the one at the start first; one quadrangle where they lie exactly in one plane. Triangles
     /// without area are left out. `tolerance` should cover the grid that blades lie on: a path that aims at a vertex would
     /// else run beside it by the grid's rounding and leave slivers as thin as that.
-    pub fn of_slit(slit: &Slit, tolerance: f64) -> Vec<Self> {
+    pub fn of_slit(slit: &Slit, tolerance: f64) -> SmallVec<[Self; 2]> {
         let c = slit.corners;
         let end = |k: usize| {
             let space = &slit.ends[k];
@@ -115,7 +116,7 @@ impl Leaf {
         if plane_side(&[c[0], c[1], c[2]], c[3]) == 0.0
             && let Some(leaf) = Self::new(&c, &[None, end(1), None, end(0)])
         {
-            return vec![Self { tolerance, ..leaf }];
+            return smallvec![Self { tolerance, ..leaf }];
         }
         let across = |t: [usize; 3]| (c[t[1]] - c[t[0]]).cross(c[t[2]] - c[t[0]]).normalize_or_zero();
         let normal = across([0, 1, 2]) + across([0, 2, 3]);

@@ -37,6 +37,16 @@ pub struct Region {
 const NONE: u16 = u16::MAX;
 
 impl Region {
+    /// Makes room for so many points.
+    pub fn make_room(&mut self, points: usize) {
+        self.points.reserve(points);
+        for list in [&mut self.outer, &mut self.inner, &mut self.from_outer, &mut self.from_inner, &mut self.ring] {
+            list.reserve(points);
+        }
+        self.inner_on_face.reserve(points);
+        self.triangles.reserve(2 * points);
+    }
+
     /// Forgets everything but the buffers.
     pub fn clear(&mut self) {
         self.points.clear();

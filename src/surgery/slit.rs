@@ -155,6 +155,9 @@ pub fn slit_more(
     out.opened_edges > 0
 }
 
+#[path = "slit_room.rs"]
+mod slit_room;
+
 impl SlitScratch {
     /// Edges along which the last leaf opened the surface, as [`super::plane_cut::PlaneCutScratch::rim`]; in no order.
     pub fn rim(&self) -> &[[HalfEdge; 2]] {

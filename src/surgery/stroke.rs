@@ -28,6 +28,9 @@ pub struct Stroke {
     samples: Vec<PathSample>,
 }
 
+/// Samples of a pose that there is room for at first.
+const SAMPLES: usize = 64;
+
 impl Stroke {
     /// A stroke of `width` metres (0: a slit).
     pub fn new(width: f64, sampling: Sampling) -> Self {
@@ -50,6 +53,12 @@ impl Stroke {
     /// Boxes that come are of `width` metres. Before the first pose.
     pub fn set_width(&mut self, width: f64) {
         self.builder.set_width(width, &self.sampling);
+    }
+
+    /// Makes room for a usual stroke.
+    pub fn make_room(&mut self) {
+        self.builder.make_room();
+        self.samples.reserve(SAMPLES);
     }
 
     /// Takes the next pose; `surface` is the tissue as it is now. Appends the segments that are complete.

@@ -1,8 +1,17 @@
 //! Room for what a step looks at and makes, found before the first.
 
 use super::{TearScratch, TearStep};
+use crate::geometry::room::headroom;
+
+/// Points of a face that a box has clipped.
+const POLYGON: usize = 32;
 
 impl TearScratch {
+    /// Makes room for meshes of so many vertices.
+    pub fn make_room_for_mesh(&mut self, vertices: usize) {
+        self.slot.reserve(vertices + headroom(vertices));
+    }
+
     /// Makes room for a step that looks at so many vertices.
     pub fn make_room(&mut self, room: usize) {
         self.slotted.reserve(4 * room);
@@ -19,6 +28,12 @@ impl TearScratch {
         self.incident.reserve(room);
         self.vertices.reserve(room);
         self.zero.reserve(room);
+        self.topology.make_room(room);
+        self.edge_points.make_room(room);
+        self.wedges.make_room(room);
+        self.lining.make_room(room);
+        self.clipped.make_room(POLYGON);
+        self.region.make_room(room);
     }
 }
 
@@ -30,5 +45,7 @@ impl TearStep {
         self.on_end.reserve(room / 4);
         self.added_faces.reserve(2 * room);
         self.touched.reserve(room);
+        self.walls.reserve(room);
+        self.widened_faces.reserve(room);
     }
 }

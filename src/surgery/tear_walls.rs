@@ -45,9 +45,29 @@ pub(super) struct WallScratch {
     /// The body cuts walls that are neither to go nor to be left alone.
     cuts_walls: bool,
     thinner: Thinner,
+    /// Scratch: the rim's vertices, sorted, and the sections of the faces across its edges.
+    rim_vertices: Vec<VertexId>,
+    sections: Vec<SectionId>,
 }
 
 impl WallScratch {
+    /// Makes room for walls on rims of so many edges.
+    pub(super) fn make_room(&mut self, edges: usize) {
+        self.rim.reserve(2 * edges);
+        self.borders.reserve(2 * edges);
+        self.bits.reserve(edges);
+        self.edges.reserve(edges);
+        self.walls.make_room(edges);
+        self.taken.reserve(2 * edges);
+        self.vertices.reserve(edges);
+        self.wedges.reserve(2 * edges);
+        self.faces.reserve(2 * edges);
+        self.split.reserve(edges);
+        self.rim_vertices.reserve(edges);
+        self.sections.reserve(edges);
+        self.thinner.make_room(edges);
+    }
+
     pub(super) fn clear(&mut self) {
         self.cuts_walls = false;
         self.rim.clear();
@@ -230,11 +250,13 @@ fn without_start(planes: u16, body: &Body) -> u16 {
 impl WallScratch {
     /// Notes which vertices of the rim are joined.
     fn note_taken(&mut self, mesh: &Mesh) {
-        let mut rim: Vec<VertexId> = self.edges.iter().map(|e| e.from).collect();
+        let rim = &mut self.rim_vertices;
+        rim.clear();
+        rim.extend(self.edges.iter().map(|e| e.from));
         rim.sort_unstable();
         rim.dedup();
         self.taken.clear();
-        for &v in &rim {
+        for &v in &*rim {
             let near = mesh.neighbours(v).filter(|w| *w > v && rim.binary_search(w).is_ok());
             self.taken.extend(near.map(|w| [v.0, w.0]));
         }
@@ -264,7 +286,9 @@ impl WallScratch {
 
     fn make_faces(&mut self, mesh: &mut Mesh, body: &Body, spec: &WallSpec) {
         let section_of = |open: HalfEdge| mesh.face_info(open.face()).section;
-        let sections: Vec<SectionId> = self.edges.iter().map(|e| section_of(e.open)).collect();
+        let mut sections = std::mem::take(&mut self.sections);
+        sections.clear();
+        sections.extend(self.edges.iter().map(|e| section_of(e.open)));
         for t in 0..self.walls.triangles.len() {
             let triangle = self.walls.triangles[t];
             let near = triangle.corners.iter().find_map(|&p| sections.get(p as usize)).or(sections.first());
@@ -274,6 +298,7 @@ impl WallScratch {
             let corners = triangle.corners.map(|p| self.vertices[p as usize]);
             self.faces.push(NewFace { corners, wedges, info, side: triangle.facet + 1 });
         }
+        self.sections = sections;
     }
 
     /// The wedge of a point on one facet: a group of its own, so that the facet is shaded flat; uv in metres along it.

@@ -11,13 +11,25 @@ use crate::geometry::predicates::orient2d;
 /// an ear that cut off all of it would leave slivers.
 const FLAT: f64 = 1e-11;
 
+/// Rings and holes of a facet that there is room for at first.
+const RINGS: usize = 16;
+
 /// The rings of one facet, holes joined to them, and the one that is being cut up.
 #[derive(Clone, Debug, Default)]
 pub struct FacetMesh {
     rings: Vec<Vec<u32>>,
     ring: Vec<u32>,
     corners: Vec<Corner>,
+    /// Which of the loops are holes.
+    holes: Vec<Hole>,
+    /// Scratch: a ring that grows by a hole.
+    grown: Vec<u32>,
+    /// Rings that are no more.
+    spare: Vec<Vec<u32>>,
 }
+
+/// A hole: its number among the loops, and how far it goes to the right.
+type Hole = (usize, f64);
 
 /// Points of all facets as the mesh knows them, and which of them are joined.
 #[derive(Debug, Default)]
@@ -29,6 +41,12 @@ pub struct Joined {
 }
 
 impl Joined {
+    /// Makes room for so many points.
+    pub fn make_room(&mut self, points: usize) {
+        self.vertices.reserve(points);
+        self.pairs.make_room(4 * points);
+    }
+
     /// True if an edge joins the points.
     fn holds(&self, a: u32, b: u32) -> bool {
         self.pairs.contains(self.vertices[a as usize], self.vertices[b as usize])
@@ -50,28 +68,46 @@ impl FacetMesh {
         loops: impl Iterator<Item = &'a [u32]> + Clone,
         out: &mut Vec<[u32; 3]>,
     ) {
-        self.rings.clear();
-        let mut holes: Vec<&[u32]> = Vec::new();
-        for points_of in loops {
+        self.spare.append(&mut self.rings);
+        let mut holes = std::mem::take(&mut self.holes);
+        holes.clear();
+        for (i, points_of) in loops.clone().enumerate() {
             if doubled_area(points, points_of) >= 0.0 {
-                self.rings.push(points_of.to_vec());
+                self.push_ring(points_of);
             } else {
-                holes.push(points_of);
+                holes.push((i, points_of.iter().map(|&p| points[p as usize][0]).fold(f64::NEG_INFINITY, f64::max)));
             }
         }
         // from the right to the left, as rings grow by the holes they swallow
-        let right = |hole: &[u32]| hole.iter().map(|&p| points[p as usize][0]).fold(f64::NEG_INFINITY, f64::max);
-        holes.sort_by(|a, b| right(b).total_cmp(&right(a)));
-        for hole in holes {
+        holes.sort_unstable_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+        for hole in holes.iter().filter_map(|hole| loops.clone().nth(hole.0)) {
             match self.ring_around(points, hole) {
                 Some(ring) => self.bridge(points, joined, ring, hole),
-                None => self.rings.push(hole.to_vec()),
+                None => self.push_ring(hole),
             }
         }
-        for ring in std::mem::take(&mut self.rings) {
-            self.ring = ring;
+        self.holes = holes;
+        for ring in 0..self.rings.len() {
+            std::mem::swap(&mut self.ring, &mut self.rings[ring]);
             self.clip_ears(points, joined, out);
         }
+    }
+
+    /// Makes room for facets of so many edges.
+    pub fn make_room(&mut self, edges: usize) {
+        self.rings.reserve(RINGS);
+        self.spare.resize_with(RINGS, || Vec::with_capacity(edges));
+        self.ring.reserve(edges);
+        self.corners.reserve(edges);
+        self.holes.reserve(RINGS);
+        self.grown.reserve(edges);
+    }
+
+    fn push_ring(&mut self, points_of: &[u32]) {
+        let mut ring = self.spare.pop().unwrap_or_default();
+        ring.clear();
+        ring.extend_from_slice(points_of);
+        self.rings.push(ring);
     }
 
     /// The smallest ring that holds the hole's first point.
@@ -110,8 +146,9 @@ impl FacetMesh {
         joined.join(outer[i], hole[j]);
         let m = hole.len();
         let inner = (0..=m).map(|k| hole[(j + k) % m]);
-        let joined: Vec<u32> = outer[..=i].iter().copied().chain(inner).chain(outer[i..].iter().copied()).collect();
-        self.rings[ring] = joined;
+        self.grown.clear();
+        self.grown.extend(outer[..=i].iter().copied().chain(inner).chain(outer[i..].iter().copied()));
+        std::mem::swap(&mut self.rings[ring], &mut self.grown);
     }
 
     /// Cuts ears, the best-shaped proper one first; where there is none, the least bad one.

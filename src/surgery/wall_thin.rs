@@ -46,6 +46,17 @@ pub(super) struct Thinner {
 }
 
 impl Thinner {
+    /// Makes room for walls on rims of so many edges.
+    pub fn make_room(&mut self, edges: usize) {
+        self.spokes.reserve(edges);
+        self.sectors.reserve(edges);
+        self.targets.reserve(edges);
+        self.wedges.reserve(edges);
+        self.next.reserve(edges);
+        self.changed.reserve(edges);
+        self.gone.reserve(edges);
+    }
+
     /// Collapses what it can of `vertices` and what is around them. `grain` in metres; `may` tells whether a vertex may go
     /// into another.
     pub fn thin(

@@ -7,9 +7,13 @@
 //! facet by construction. Therefore the walls close the hole as a combinatorial 2-manifold whatever the labels and
 //! the rounding: geometry only decides where they run.
 
+#[path = "wall_joins.rs"]
+mod wall_joins;
+
 use super::wall_mesh::{FacetMesh, Joined};
 use crate::geometry::{HalfEdge, Plane, VertexId};
 use glam::DVec3;
+use wall_joins::Pairing;
 
 /// The facets of a body: one a plane, with their corners.
 #[derive(Clone, Debug, Default)]
@@ -148,13 +152,44 @@ pub struct Walls {
     facet_mesh: FacetMesh,
     joined: Joined,
     facet_triangles: Vec<[u32; 3]>,
+    /// Edges that one has been found to follow.
+    follows: Vec<bool>,
+    labels_before: Vec<u8>,
+    pairing: Pairing,
 }
 
 const NONE: u32 = u32::MAX;
+/// Edges and corners of a body, of one copy or two, that there is room for at first.
+const BODY_EDGES: usize = 64;
 /// What is no farther from a plane than this lies in it, in sizes of the body: as far as positions are stored.
 const FLAT: f64 = 1e-6;
 
 impl Walls {
+    /// Makes room for walls on rims of so many edges.
+    pub fn make_room(&mut self, edges: usize) {
+        self.points.reserve(edges);
+        self.triangles.reserve(2 * edges);
+        for list in [&mut self.next, &mut self.ring, &mut self.chain_points, &mut self.sequence, &mut self.outline_points] {
+            list.reserve(2 * edges);
+        }
+        for list in [&mut self.open, &mut self.used, &mut self.follows] {
+            list.reserve(edges);
+        }
+        self.labels.reserve(edges);
+        self.labels_before.reserve(edges);
+        self.edges.reserve(BODY_EDGES);
+        self.chains.reserve(edges);
+        self.crossings.reserve(edges);
+        self.corner_chains.reserve(BODY_EDGES);
+        self.corner_points.reserve(BODY_EDGES);
+        self.outlines.reserve(edges);
+        self.flat.reserve(edges);
+        self.facet_triangles.reserve(2 * edges);
+        self.facet_mesh.make_room(edges);
+        self.joined.make_room(edges);
+        self.pairing.make_room(edges);
+    }
+
     /// Builds the walls that close `rim` on the body with these `planes` and `facets`. Sorts `rim`.
     /// `taken` lists pairs of the rim's vertices that edges join.
     pub fn build(
@@ -175,12 +210,12 @@ impl Walls {
         self.find_flags(planes, facets);
         let wrong = self.contradictions(facets);
         if wrong > 0 {
-            let labels = self.labels.clone();
+            self.labels_before.clone_from(&self.labels);
             self.flatten_rings(planes, facets);
             self.lay_rings(facets);
             self.find_flags(planes, facets);
             if self.contradictions(facets) >= wrong {
-                self.labels = labels;
+                std::mem::swap(&mut self.labels, &mut self.labels_before);
                 self.lay_rings(facets);
                 self.find_flags(planes, facets);
             }
@@ -262,7 +297,9 @@ impl Walls {
         self.next.resize(rim.len(), NONE);
         self.open.clear();
         self.open.resize(rim.len(), false);
-        let mut follows = vec![false; rim.len()];
+        let mut follows = std::mem::take(&mut self.follows);
+        follows.clear();
+        follows.resize(rim.len(), false);
         for i in 0..rim.len() {
             let mut at = rim.partition_point(|e| e.from < rim[i].to);
             while at < rim.len() && rim[at].from == rim[i].to && follows[at] {
@@ -281,6 +318,7 @@ impl Walls {
                 at = self.next[at as usize];
             }
         }
+        self.follows = follows;
     }
 
     /// The facet of every rim edge: by tags, else the nearest.
@@ -352,7 +390,8 @@ impl Walls {
             self.push_chain(facet, from);
             let to = label(self, end);
             let at = self.ring[end % n];
-            for between in self.route(facet, to, self.points[at as usize].1, facets) {
+            let (path, len) = self.route(facet, to, self.points[at as usize].1, facets);
+            for &between in &path[..len] {
                 let from = self.chain_points.len() as u32;
                 self.chain_points.push(at);
                 self.push_chain(between, from);
@@ -373,39 +412,6 @@ impl Walls {
         self.sequence.push(self.chains.len() as u32);
         let len = self.chain_points.len() as u32 - first;
         self.chains.push(Chain { facet, first, len, next: NONE });
-    }
-
-    /// Facets to pass through between two that share no edge: those around the corner nearest to `p`.
-    fn route(&self, from: u8, to: u8, p: DVec3, facets: &Facets) -> Vec<u8> {
-        if self.edge_between(from, to).is_some() {
-            return Vec::new();
-        }
-        let n = facets.cycles.len();
-        let hop = 1e-9 * facets.size();
-        let (mut cost, mut before, mut done) = (vec![f64::INFINITY; n], vec![NONE; n], vec![false; n]);
-        cost[from as usize] = 0.0;
-        for _ in 0..n {
-            let open = (0..n).filter(|&k| !done[k] && cost[k].is_finite());
-            let Some(k) = open.min_by(|&a, &b| cost[a].total_cmp(&cost[b])) else { break };
-            done[k] = true;
-            for edge in self.edges.iter().filter(|e| e.facets.contains(&(k as u8))) {
-                let m = usize::from(edge.facets[usize::from(edge.facets[0] == k as u8)]);
-                let [a, b] = edge.ends.map(|c| facets.corners[c as usize]);
-                let detour = if facets.avoided >> m & 1 == 1 { 1e3 * hop } else { hop };
-                let through = cost[k] + segment_distance(a, b, p) + detour;
-                if through < cost[m] {
-                    (cost[m], before[m]) = (through, k as u32);
-                }
-            }
-        }
-        let mut path = Vec::new();
-        let mut at = before[to as usize];
-        while at != NONE && at != u32::from(from) {
-            path.push(at as u8);
-            at = before[at as usize];
-        }
-        path.reverse();
-        path
     }
 
     /// How often each corner of the body is covered: once if it lies inside the solid, not at all outside. Differences
@@ -458,72 +464,6 @@ impl Walls {
             (0..len).map(|i| (at(i) - o).cross(at(i + 1) - o).dot(n)).sum::<f64>()
         });
         loops.sum()
-    }
-
-    /// Pairs what opens a piece of edge `e` with what closes it, like parentheses, and joins the chains of both facets.
-    fn join_along(&mut self, e: usize, facets: &Facets) {
-        let BodyEdge { facets: [low, high], ends } = self.edges[e];
-        let mut order: Vec<u32> =
-            (0..self.crossings.len() as u32).filter(|&x| self.crossings[x as usize].edge as usize == e).collect();
-        order.sort_by(|&a, &b| {
-            let (x, y) = (&self.crossings[a as usize], &self.crossings[b as usize]);
-            x.t.total_cmp(&y.t).then(y.rises.cmp(&x.rises)).then(a.cmp(&b))
-        });
-        let mut opened: Vec<End> = (0..self.flags[ends[0] as usize]).map(|i| End::Corner(ends[0], i)).collect();
-        let mut early: Vec<End> = Vec::new();
-        let mut pieces: Vec<(End, End)> = Vec::new();
-        for x in order {
-            if self.crossings[x as usize].rises {
-                match early.pop() {
-                    Some(close) => pieces.push((End::Crossing(x), close)),
-                    None => opened.push(End::Crossing(x)),
-                }
-            } else {
-                match opened.pop() {
-                    Some(open) => pieces.push((open, End::Crossing(x))),
-                    None => early.push(End::Crossing(x)),
-                }
-            }
-        }
-        pieces.extend(opened.into_iter().enumerate().map(|(i, open)| (open, End::Corner(ends[1], i as u16))));
-        for (open, close) in pieces {
-            let (from, to) = (self.chain_at(open, low, facets), self.chain_at(close, low, facets));
-            self.chains[from as usize].next = to;
-            let (from, to) = (self.chain_at(close, high, facets), self.chain_at(open, high, facets));
-            self.chains[from as usize].next = to;
-        }
-    }
-
-    /// The chain on `facet` that ends or starts at one end of a piece.
-    fn chain_at(&mut self, end: End, facet: u8, facets: &Facets) -> u32 {
-        match end {
-            End::Crossing(x) => {
-                let x = self.crossings[x as usize];
-                if self.chains[x.leaves as usize].facet == facet { x.leaves } else { x.enters }
-            }
-            End::Corner(c, copy) => {
-                if let Some(known) = self.corner_chains.iter().find(|k| (k.0, k.1, k.2) == (facet, c, copy)) {
-                    return known.3;
-                }
-                let point = self.corner_point(c, copy, facets);
-                let first = self.chain_points.len() as u32;
-                self.chain_points.push(point);
-                let chain = self.chains.len() as u32;
-                self.chains.push(Chain { facet, first, len: 1, next: NONE });
-                self.corner_chains.push((facet, c, copy, chain));
-                chain
-            }
-        }
-    }
-
-    fn corner_point(&mut self, c: u8, copy: u16, facets: &Facets) -> u32 {
-        if let Some(known) = self.corner_points.iter().find(|k| (k.0, k.1) == (c, copy)) {
-            return known.2;
-        }
-        let point = self.points.len() as u32;
-        self.points.push((WallPoint::Corner(c), facets.corners[c as usize]));
-        self.corner_points.push((c, copy, point));
-        point
     }
 
     /// Follows chains around each facet.

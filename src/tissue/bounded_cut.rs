@@ -42,7 +42,7 @@ impl Tissue {
             return None;
         }
         let slit = self.layer().map_or(0, |l| l.strips.next_slit());
-        bind_slit(self, &step, [edges, [start, end]], slit, None, stages);
+        bind_slit(self, &step, [edges, [start, end]], slit, None, (&mut Vec::new(), stages));
         self.release_slit();
         let capped =
             if closed { stages.time("caps", || self.cap_bounded(&leaf.plane, &step, &scratch)) } else { CapOutcome::default() };

@@ -28,6 +28,7 @@ impl BoxPlanes {
     pub(super) fn make_room(&mut self) {
         self.planes.reserve(16);
         self.sides.reserve(16);
+        self.facets.cycles.reserve(16);
     }
 
     /// Of another box.

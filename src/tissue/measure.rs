@@ -192,9 +192,14 @@ impl Tissue {
         self.tally.counts = Some((vertices, lowest_origin));
     }
 
-    /// The components that there are now, to tell what parts of later on were parts of.
-    pub fn parts_before(&mut self) -> PartsBefore {
-        self.tally.graph.parts_before(&self.mesh)
+    /// Notes the components that there are now, to tell what parts of later on were parts of.
+    pub fn note_parts(&mut self, before: &mut PartsBefore) {
+        self.tally.graph.note_parts(&self.mesh, before);
+    }
+
+    /// Makes room for what strokes look for in their components.
+    pub fn make_room_for_parts(&mut self, before: &mut PartsBefore) {
+        self.tally.graph.make_room(&self.mesh, before);
     }
 
     /// Takes back what [`Tissue::parts`] has given, where nothing has come off since: it need not be found again.

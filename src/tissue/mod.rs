@@ -185,6 +185,8 @@ struct TissueScratch {
     rests: Option<[u64; 2]>,
 }
 
+/// Vertices that an edit makes, as many as there is room for at first.
+const EDIT_ROOM: usize = 1024;
 /// A wound this near to its full opening, as a fraction of the diagonal, has opened.
 const OPENED: f64 = 1e-7;
 
@@ -505,9 +507,18 @@ impl Tissue {
         self.mesh.make_room();
         self.rows.make_room();
         self.rest.reserve(headroom(self.rest.len()));
+        self.scratch.new_vertices.reserve(EDIT_ROOM);
+        self.scratch.targets.reserve(EDIT_ROOM);
+        self.fades.make_room(self.rest.len());
         if let Some(layer) = &mut self.layer {
             layer.map.make_room();
             layer.strips.make_room(self.rest.len(), layer.map.len());
+            layer.network.make_room();
+            self.scratch.update.make_room(self.rest.len(), layer.map.len());
+            let particles = layer.map.len() + headroom(layer.map.len());
+            self.scratch.rest_displacements.reserve(particles);
+            self.scratch.step.make_room(particles);
+            layer.opening.reserve(particles);
         }
     }
 

@@ -11,8 +11,8 @@ use glam::DVec3;
 
 /// A piece whose sections are on average this much emptier than they may be gets new ones.
 const SPARSE: usize = 4;
-/// What is severed and has less surface than a square of this side, a fraction of the diagonal, is a crumb and no piece: rounding, or a shred of tissue
-/// that moved under the blade.
+/// What is severed and has less surface than a square of this side, a fraction of the diagonal, is a crumb and no piece: rounding,
+/// or a shred of tissue that moved under the blade.
 const CRUMB: f64 = 1e-4;
 /// Crumbs have no more faces than this.
 const MOST_CRUMB_FACES: usize = 64;
@@ -51,13 +51,15 @@ impl Tissue {
     }
 
     /// Takes crumbs out of `parts` (as for [`Tissue::sever`]) and out of the tissue: where a blade crosses its own slit, corners that
-    /// no stored position can tell apart may come off.
-    pub fn drop_crumbs(&mut self, parts: &mut Vec<Vec<FaceId>>) {
+    /// no stored position can tell apart may come off. Returns their surface, square metres.
+    pub fn drop_crumbs(&mut self, parts: &mut Vec<Vec<FaceId>>) -> f64 {
         let least = (CRUMB * self.diagonal()).powi(2);
-        let (mut gone, mut dropped) = (Vec::new(), false);
+        let (mut gone, mut dropped, mut area_dropped) = (Vec::new(), false, 0.0);
         parts.retain(|faces| {
-            let is_crumb = faces.len() <= MOST_CRUMB_FACES && faces.iter().map(|&f| self.face_area(f)).sum::<f64>() < least;
+            let area = faces.iter().take(MOST_CRUMB_FACES).map(|&f| self.face_area(f)).sum::<f64>();
+            let is_crumb = faces.len() <= MOST_CRUMB_FACES && area < least;
             if is_crumb {
+                area_dropped += area;
                 if !std::mem::replace(&mut dropped, true) {
                     self.note_edits();
                 }
@@ -73,6 +75,7 @@ impl Tissue {
             self.forget(&gone);
             self.versions.structure += 1;
         }
+        area_dropped
     }
 
     fn face_area(&self, f: FaceId) -> f64 {

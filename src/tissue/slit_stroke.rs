@@ -5,7 +5,7 @@
 //! and the next strip starts at exactly those vertices. Where the tissue has moved in between they no longer lie on the
 //! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two.
 
-use super::{ENDS_KEPT, SegmentReport, TearStroke, nearest_vertex};
+use super::{ENDS_KEPT, LipVertex, SegmentReport, TearStroke, nearest_vertex};
 use crate::diagnostics::Stages;
 use crate::geometry::{FaceId, VertexId};
 use crate::particles::MapUpdateReport;
@@ -39,6 +39,9 @@ struct Ended {
     vertices: Vec<VertexId>,
 }
 
+/// Strips of a stroke that there is room for at first.
+const COMMITTED: usize = 256;
+
 /// What a stroke of width 0 keeps between its strips.
 #[derive(Default)]
 pub(super) struct SlitState {
@@ -51,20 +54,47 @@ pub(super) struct SlitState {
     on_line: Vec<OnLines>,
     missed: Vec<VertexId>,
     free: Vec<VertexId>,
+    /// Scratch: tags of the strip while two ends are joined.
+    tags: Vec<OnLines>,
+    /// Room for where strips to come end.
+    spare_ends: Vec<Vec<VertexId>>,
 }
 
 impl SlitState {
+    /// Makes room for strips that touch so many vertices.
+    pub(super) fn make_room(&mut self, vertices: usize) {
+        self.scratch.make_room(vertices);
+        self.step.make_room(vertices);
+        self.ended.reserve(ENDS_KEPT);
+        self.committed.reserve(COMMITTED);
+        for list in [&mut self.starts, &mut self.on_line, &mut self.tags] {
+            list.reserve(vertices);
+        }
+        self.missed.reserve(vertices);
+        self.free.reserve(vertices);
+        self.spare_ends.resize_with(ENDS_KEPT + 1, || Vec::with_capacity(vertices / 4));
+    }
+
+    /// Makes room for meshes of so many vertices.
+    pub(super) fn make_room_for_mesh(&mut self, vertices: usize) {
+        self.scratch.make_room_for_mesh(vertices);
+    }
+
+    fn forget_ends(&mut self) {
+        self.spare_ends.extend(self.ended.drain(..).map(|end| end.vertices));
+    }
+
     pub(super) fn committed(&self) -> &[Slit] {
         &self.committed
     }
 
     pub(super) fn release(&mut self) {
-        self.ended.clear();
+        self.forget_ends();
     }
 
     /// Another stroke.
     pub(super) fn begin(&mut self) {
-        self.ended.clear();
+        self.forget_ends();
         self.committed.clear();
     }
 
@@ -83,7 +113,10 @@ impl SlitState {
 
     /// `strays` says of a vertex and of the strip's last blade whether they are apart.
     fn end(&mut self, slit: &Slit, at_rest: [DVec3; 2], strip: Option<usize>, strays: impl Fn(VertexId, [DVec3; 2]) -> bool) {
-        let mut vertices = if self.ended.len() == ENDS_KEPT { self.ended.remove(0).vertices } else { Vec::new() };
+        if self.ended.len() == ENDS_KEPT {
+            self.spare_ends.push(self.ended.remove(0).vertices);
+        }
+        let mut vertices = self.spare_ends.pop().unwrap_or_default();
         vertices.clear();
         let tags = self.step.tags.iter().filter(|t| t.lines & line::END != 0);
         let (place, blade) = ((slit.chain, slit.index), [slit.corners[1], slit.corners[2]]);
@@ -148,7 +181,7 @@ impl TearStroke {
             report.intersection_points = step.intersection_points;
             report.opened_edges = step.opened_edges;
             let ends = [[[c[0], c[3]], [c[1], c[2]]], [start, end]];
-            let (update, made) = bind_slit(tissue, step, ends, self.slit, before, &mut report.stages);
+            let (update, made) = bind_slit(tissue, step, ends, self.slit, before, (&mut self.lips, &mut report.stages));
             strip = made;
             let made = self.slits.step.new_vertices.iter().map(|n| n.vertex);
             self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
@@ -164,7 +197,7 @@ impl TearStroke {
 
     /// Joins ends of the slit that the strip has missed to its own nearest starts, if those are near.
     fn join_ends(&mut self, tissue: &mut Tissue, slit: &Slit, starts: &[OnLines]) {
-        let SlitState { scratch, step, missed, free, .. } = &mut self.slits;
+        let SlitState { scratch, step, missed, free, tags, .. } = &mut self.slits;
         let is_start = |v: VertexId| starts.iter().any(|t| t.vertex == v);
         missed.clear();
         missed.extend(starts.iter().map(|t| t.vertex).filter(|v| !step.met.contains(v)));
@@ -187,26 +220,27 @@ impl TearStroke {
             let Some(leaf) = Leaf::between(a, b, up, 2.0 * a.distance(b)).filter(|_| is_near) else { continue };
             free.retain(|&v| v != to);
             // what the strip itself has tagged is not on this leaf's lines
-            let others = std::mem::take(&mut step.tags);
+            std::mem::swap(&mut step.tags, tags);
+            step.tags.clear();
             step.tags.extend([OnLines { vertex: from, lines: line::START }, OnLines { vertex: to, lines: line::END }]);
             tissue.faces_near(leaf.min, leaf.max, &mut self.candidates);
             self.candidates.sort_unstable();
             let (mesh, posed) = tissue.split_borrow();
             slit_more(mesh, &[leaf], &self.candidates, &|v| posed.position(v), scratch, step);
-            step.tags = others;
+            std::mem::swap(&mut step.tags, tags);
         }
     }
 }
 
 /// Rows, strip and particle map of what a slit has opened; the strip's ends (tip, top) are given as they were cut and at rest;
-/// `before` is the strip that it goes on from, where that is not the last. Gives the new strip's number, too.
+/// `before` is the strip that it goes on from, where that is not the last; `lips` is scratch. Gives the new strip's number, too.
 pub(in crate::tissue) fn bind_slit(
     tissue: &mut Tissue,
     step: &SlitStep,
     [cut, at_rest]: [[[DVec3; 2]; 2]; 2],
     slit: u32,
     before: Option<usize>,
-    stages: &mut Stages,
+    (lips, stages): (&mut Vec<LipVertex>, &mut Stages),
 ) -> (MapUpdateReport, Option<usize>) {
     stages.time("bind", || tissue.add_vertices(&step.new_vertices));
     let strip = stages.time("disconnect_particles", || {
@@ -214,16 +248,16 @@ pub(in crate::tissue) fn bind_slit(
         let corners = [at_rest[0][0], at_rest[1][0], at_rest[1][1], at_rest[0][1]];
         layer.strips.push(corners, layer.settings.radius, slit).ok()
     });
-    let mut lips = Vec::new();
+    lips.clear();
     if let Some(strip) = strip {
-        tissue.list_lips((strip, cut), (&step.lips, &step.new_vertices), |v| tissue.position(v), &mut lips);
+        tissue.list_lips((strip, cut), (&step.lips, &step.new_vertices), |v| tissue.position(v), lips);
     }
     let update = stages.time("update_particles", || {
         // vertices at the joint have sides only now: links that reach them are tested against the strip before, too
         let last = |s: usize| before.unwrap_or(s).min(s.saturating_sub(1));
         let first = |s: usize| if step.tags.iter().any(|t| t.lines & line::START != 0) { last(s) } else { s };
         let strips = strip.map_or(0..0, |s| first(s)..s + 1);
-        tissue.update_map(&step.new_vertices, &[], strips, &lips)
+        tissue.update_map(&step.new_vertices, &[], strips, lips)
     });
     tissue.versions.structure += 1;
     (update, strip)

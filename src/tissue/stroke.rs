@@ -262,7 +262,7 @@ impl TearStroke {
             tissue.scratch.update.reuse(report);
         }
         tissue.scratch.hands.pulls.under_blade = None;
-        self.ended.clear();
+        self.spare_ended.append(&mut self.ended);
         self.slits.release();
     }
 

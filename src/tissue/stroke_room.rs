@@ -1,6 +1,8 @@
 //! Room for a usual stroke, found once at load: a frame that tears looks for none.
 
 use super::{ENDS_KEPT, Ended, TearStroke};
+use crate::geometry::Distinct;
+use crate::geometry::room::rows_headroom;
 use crate::surgery::Sampling;
 use crate::tissue::{Tissue, TissueDelta};
 
@@ -33,15 +35,20 @@ impl TearStroke {
         stroke.ties.reserve(8);
         stroke.deltas.reserve(16);
         stroke.spare_deltas.resize_with(DELTAS, || TissueDelta::with_room(1));
+        stroke.distinct = Distinct::with_room(rows_headroom(16 * tissue.mesh().vertex_slots()));
         stroke.planes.make_room();
+        stroke.stroke.make_room();
+        stroke.slits.make_room(SEGMENT_ROOM);
         stroke.scratch.make_room(SEGMENT_ROOM);
         stroke.step.make_room(SEGMENT_ROOM);
         stroke
     }
 
-    /// Finds room for as many positions as `tissue` has vertices.
+    /// Finds room for as many positions and places as `tissue` has vertices.
     pub fn prepare_for(mut self, tissue: &Tissue) -> Self {
         self.positions.refresh(tissue);
+        self.scratch.make_room_for_mesh(tissue.mesh().vertex_slots());
+        self.slits.make_room_for_mesh(tissue.mesh().vertex_slots());
         self
     }
 }

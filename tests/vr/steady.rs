@@ -116,22 +116,24 @@ fn check_costs(seen: &Seen) {
     let frames = seen.report["frames"].as_array().expect("frames");
     let number = |frame: &Value, key: &str| frame[key].as_u64().unwrap_or_else(|| panic!("{key}"));
     let torn = seen.torn.clone();
-    let mut still = 0;
+    let (mut still, mut allocated) = (0u64, Vec::new());
     for i in seen.steady.clone() {
         let frame = &frames[i];
         assert_eq!(number(frame, "pipelines"), 0, "frame {i} compiles");
         assert_eq!(number(frame, "dispatches"), 2, "frame {i}: the heart beats");
-        if number(frame, "commands") == 0 {
-            still += 1;
-            assert_eq!(number(frame, "allocations"), 0, "frame {i}: nothing is edited, and something allocated");
+        still += u64::from(number(frame, "commands") == 0);
+        // where assertions are checked, those of a stroke's end look at everything in lists of their own
+        if number(frame, "allocations") > 0 && !(i == torn.end && cfg!(debug_assertions)) {
+            allocated.push((i, number(frame, "allocations")));
         }
     }
+    // the first stroke of all finds the last of its room
+    assert!(allocated.len() <= 3, "frames that allocated, and how often; the heart is torn in {torn:?}: {allocated:?}");
     assert!(still >= 50, "{still} frames without an edit");
     // The controls: what is counted is seen where it is.
     let compiled: u64 = frames[..FIRST_SECOND].iter().map(|f| number(f, "pipelines")).sum();
     assert!(compiled > 10, "{compiled} pipelines at the start");
-    let edits = frames[torn.clone()].iter().filter(|f| number(f, "allocations") > 0).count();
-    assert!((5..torn.len() / 2).contains(&edits), "a cut leaves its way back, a blade that moves nothing: {edits} frames");
+    assert!(frames[..FIRST_SECOND].iter().any(|f| number(f, "allocations") > 0), "the model is found room for at the start");
     assert_eq!(seen.file_calls, 0, "reads and writes of files in {} frames", seen.steady.len());
     assert!(seen.file_calls_before > 0, "reads at the start are counted");
     let outcomes: Vec<&str> =

@@ -229,8 +229,9 @@ impl Session {
         }
         self.panel.note_frame(report.stages, report.counters.rows());
         if self.setup.record {
-            self.frames.push(FrameNote { at_s: self.setup.started.elapsed().as_secs_f64(), report });
+            self.frames.push(FrameNote { at_s: self.setup.started.elapsed().as_secs_f64(), report: report.clone() });
         }
+        self.app.give_back(report);
         self.frame_count += 1;
     }
 

@@ -220,6 +220,10 @@ struct User {
     mirror: Option<EyeMirror>,
 }
 
+/// Commands of a frame and instruments in the hands that there is room for at first.
+const COMMANDS: usize = 32;
+const INSTRUMENTS: usize = 8;
+
 impl User {
     fn new(options: &VrOptions) -> Self {
         Self {
@@ -230,10 +234,10 @@ impl User {
             lockstep: None,
             time_s: 0.0,
             leaving: false,
-            output: HandsOutput::default(),
-            frame: InputFrame::default(),
-            instruments: Vec::new(),
-            lines: Vec::new(),
+            output: HandsOutput { commands: Vec::with_capacity(COMMANDS), ..HandsOutput::default() },
+            frame: InputFrame { commands: Vec::with_capacity(COMMANDS), ..InputFrame::default() },
+            instruments: Vec::with_capacity(INSTRUMENTS),
+            lines: Vec::with_capacity(INSTRUMENTS),
             mirror: None,
         }
     }
@@ -502,8 +506,10 @@ fn frame(
     if options.keep_reports {
         let layers = app.scene.tissues().filter_map(|(_, t)| t.layer());
         let displaced = layers.flat_map(|l| l.displacements()).map(|u| u.length()).fold(0.0, f64::max);
-        outcome.frames.push(FrameNote { report, gpu, commands: user.frame.commands.len(), allocations, displaced });
+        let (commands, report) = (user.frame.commands.len(), report.clone());
+        outcome.frames.push(FrameNote { report, gpu, commands, allocations, displaced });
     }
+    app.give_back(report);
     Ok(shown)
 }
 

@@ -1,0 +1,47 @@
+//! Room for what an update of the particle map looks at and changes, found before the first.
+
+use super::{MapUpdateReport, UpdateScratch};
+use crate::geometry::room::headroom;
+
+/// Vertices, faces and links of an edit.
+const EDIT_ROOM: usize = 1024;
+
+impl UpdateScratch {
+    /// Makes room for updates of so many particles on a mesh of so many vertices.
+    pub fn make_room(&mut self, vertices: usize, particles: usize) {
+        let all = particles + headroom(particles);
+        let slots = vertices + headroom(vertices);
+        self.flood.make_room(EDIT_ROOM, slots);
+        self.rows.make_room(EDIT_ROOM, slots);
+        self.reaches.make_room(all);
+        self.near.reserve(all);
+        self.is_near.reserve(all / 64 + 1);
+        self.codes.make_room(all);
+        self.work.reserve(EDIT_ROOM);
+        self.weighted.reserve(EDIT_ROOM);
+        self.links.reserve(EDIT_ROOM);
+        self.row_of_links.reserve(EDIT_ROOM);
+        self.tried.reserve(all);
+        self.untried.reserve(EDIT_ROOM);
+        self.seen.reserve(EDIT_ROOM);
+        self.unlinked.reserve(EDIT_ROOM);
+        self.old_rows.reserve(EDIT_ROOM);
+        self.old_entries.reserve(4 * EDIT_ROOM);
+        self.common.reserve(EDIT_ROOM);
+        self.candidates.reserve(EDIT_ROOM);
+        self.row.reserve(EDIT_ROOM);
+        self.lost.reserve(EDIT_ROOM);
+        self.lips.reserve(EDIT_ROOM);
+        self.report.make_room(EDIT_ROOM);
+    }
+}
+
+impl MapUpdateReport {
+    fn make_room(&mut self, room: usize) {
+        let Self { vertices_changed, particles_changed, relinked, particles_added, retired, reanchored, .. } = self;
+        vertices_changed.reserve(4 * room);
+        for list in [particles_changed, relinked, particles_added, retired, reanchored] {
+            list.reserve(room);
+        }
+    }
+}
