@@ -75,7 +75,7 @@ fn a_steady_frame_allocates_nothing_of_ours() {
     assert_eq!(counts[39], (0, 1), "the control is noticed");
 }
 
-/// A hand that drags the tissue along costs no allocation either.
+/// A hand that takes hold and drags the tissue along costs no allocation either.
 #[test]
 fn a_steady_grab_allocates_nothing_of_ours() {
     let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
@@ -86,21 +86,21 @@ fn a_steady_grab_allocates_nothing_of_ours() {
     for number in 0..40 {
         let by = DVec3::Y * 0.002 * f64::from(number);
         let commands = match number {
-            0 => vec![EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, 0.05, 0.0), radius: 0.12 }],
+            20 => vec![EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, 0.05, 0.0), radius: 0.12 }],
             _ => vec![EditCommand::GrabMove { id: 1, by }],
         };
         target.leaky = number == 39;
         let input = InputFrame { time_s: f64::from(number) / 90.0, step_s: 1.0 / 90.0, commands, ..InputFrame::default() };
         let report = app.frame(&input, &mut target).expect("a frame");
-        assert!(number < 2 || (report.counters.particles_awake > 0 && report.counters.dispatches == 2), "{number}");
+        assert!(number < 22 || (report.counters.particles_awake > 0 && report.counters.dispatches == 2), "{number}");
         counts.push((report.counters.allocations, target.in_sync));
     }
-    assert!(counts[30..39].iter().all(|c| *c == (0, 0)), "{counts:?}");
+    assert!(counts[20..39].iter().all(|c| *c == (0, 0)), "{counts:?}");
     assert_eq!(counts[39], (0, 1), "the control is noticed");
 }
 
 /// No frame that tears a beating heart, with walls, without, and with width 0, allocates anything of ours after the first second: not one
-/// in which a stroke begins, goes on or ends, nor what mirrors it, wgpu's buffers included.
+/// in which a stroke begins, goes on or ends, or a hand takes hold of a lip, nor what mirrors it, wgpu's buffers included.
 #[test]
 fn a_tear_of_a_beating_heart_allocates_nothing_of_ours() {
     const STROKE: u32 = 60;
@@ -120,6 +120,12 @@ fn a_tear_of_a_beating_heart_allocates_nothing_of_ours() {
         let commands = match k {
             0 => vec![EditCommand::StrokeBegin { width: if stroke % 3 == 2 { 0.0 } else { 0.002 } }, pose],
             50 => vec![EditCommand::StrokeEnd],
+            // Where the next stroke finds tissue that swings back, ties take exact arithmetic, and boxes that go wrong are taken back: both
+            // allocate, and open strokes have the fewest.
+            _ if k > 50 && stroke % 3 != 2 => Vec::new(),
+            52 => vec![EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, y - 0.01, 0.04), radius: 0.015 }],
+            53..58 => vec![EditCommand::GrabMove { id: 1, by: DVec3::new(0.0, 0.001 * f64::from(k - 52), 0.002) }],
+            58 => vec![EditCommand::GrabEnd { id: 1 }],
             _ if k < 50 => vec![pose],
             _ => Vec::new(),
         };

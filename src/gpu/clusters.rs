@@ -4,7 +4,7 @@
 //! other one after the other; where one does not, clusters overlap and less is left out, never too much.
 
 use super::camera::Bounds;
-use super::tissue_store::transformed;
+use super::rest_bounds::transformed;
 use super::view::TissueView;
 use crate::geometry::room::headroom;
 use crate::geometry::{FaceId, VertexId};

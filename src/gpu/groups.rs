@@ -44,7 +44,21 @@ pub struct Groups {
     moved: Vec<bool>,
 }
 
+/// Entries of a workgroup's list that there is room for, on average.
+const ENTRIES: usize = 24;
+
 impl Groups {
+    /// Makes room for a mesh of so many vertices and wedges.
+    pub fn make_room(&mut self, vertices: usize, wedges: usize) {
+        for (lists, count) in [(&mut self.particles, vertices), (&mut self.around, wedges)] {
+            let groups = count.div_ceil(GROUP as usize);
+            lists.ends.reserve(groups);
+            lists.entries.reserve(ENTRIES * groups);
+        }
+        self.moved.reserve(vertices.div_ceil(GROUP as usize));
+        self.scratch.reserve(ENTRIES * GROUP as usize);
+    }
+
     /// The mesh or the map has changed.
     pub fn forget(&mut self) {
         self.particles.clear();

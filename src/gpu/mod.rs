@@ -20,6 +20,7 @@ pub mod materials;
 pub mod pipelines;
 pub mod readback;
 pub mod renderer;
+pub mod rest_bounds;
 pub mod stage;
 pub mod table;
 pub mod targets;

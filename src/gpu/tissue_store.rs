@@ -8,11 +8,12 @@ use super::cpu_deform::Deformed;
 use super::deform::GROUP;
 use super::error::GpuError;
 use super::groups::Groups;
+use super::rest_bounds::{RestBounds, largest_turn, transformed};
 use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord, WOUNDED};
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
 use super::views::ViewPose;
+use crate::geometry::FaceId;
 use crate::geometry::room::{fit, headroom};
-use crate::geometry::{FaceId, Turn, VertexId};
 use crate::rig::{FADE_BLOCK, JointMatrix};
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
@@ -100,12 +101,6 @@ struct Stale {
     any: bool,
 }
 
-/// Rest positions of the vertices each joint moves (the last: of those that no joint moves).
-#[derive(Debug, Default)]
-struct RestBounds {
-    joints: Vec<Bounds>,
-}
-
 impl GpuTissue {
     /// Nothing yet, at a place of the table.
     pub fn new(slot: u32) -> Self {
@@ -179,7 +174,7 @@ impl GpuTissue {
 
     /// Bounds at rest, world space.
     pub fn rest_bounds(&self) -> Bounds {
-        let all = self.rest_bounds.joints.iter().fold(Bounds::EMPTY, |all, b| all.union(*b));
+        let all = self.rest_bounds.at_rest();
         transformed(all, |p| self.world_from_tissue.transform_point3(p))
     }
 
@@ -255,11 +250,13 @@ impl GpuTissue {
         self.long_rows &= !full;
         if full {
             self.fades.clear();
-            self.fades.reserve(if view.displacements.is_empty() { 0 } else { 2 * headroom(view.mesh.vertex_slots()) });
             self.fades_seen = 0;
+            self.make_room(view);
         }
         self.upload_structure(arenas, view, ranges);
-        self.grow_rest_bounds(view, &ranges.vertices, full);
+        if self.rest_bounds.grow(view, clamped(&ranges.vertices, view.rows.len() as u32), full) {
+            self.posed = self.rest_bounds.posed(view);
+        }
         self.clusters.grow(view, clamped(&ranges.faces, self.slots.faces.len), full);
         self.upload_motion(arenas, view);
         self.fill_record(view);
@@ -268,6 +265,18 @@ impl GpuTissue {
         }
         self.versions = Some(view.versions);
         Ok(())
+    }
+
+    /// Makes room for what particles move, at load.
+    fn make_room(&mut self, view: &TissueView<'_>) {
+        if view.displacements.is_empty() {
+            return;
+        }
+        let grown = |len: usize| len + headroom(len);
+        self.fades.reserve(2 * headroom(view.mesh.vertex_slots()));
+        self.displacements.reserve(grown(view.displacements.len()));
+        self.stale.particles.reserve(grown(view.displacements.len()));
+        self.groups.make_room(grown(view.mesh.vertex_slots()), grown(view.mesh.wedges().len()));
     }
 
     /// The deform pass on the CPU.
@@ -485,66 +494,6 @@ impl GpuTissue {
             ..self.record
         };
     }
-
-    fn grow_rest_bounds(&mut self, view: &TissueView<'_>, dirty: &[Range<usize>], full: bool) {
-        let joints = view.pose.joint_matrices.len();
-        if full || self.rest_bounds.joints.len() != joints + 1 {
-            self.rest_bounds.joints.clear();
-            self.rest_bounds.joints.resize(joints + 1, Bounds::EMPTY);
-            self.rest_bounds.grow(view, 0..view.rows.len());
-        } else {
-            for range in clamped(dirty, view.rows.len() as u32) {
-                self.rest_bounds.grow(view, range);
-            }
-        }
-        if full || !dirty.is_empty() {
-            self.posed = self.rest_bounds.posed(view);
-        }
-    }
-}
-
-impl RestBounds {
-    /// Takes in base vertices; embedded ones lie within their parents' hull.
-    fn grow(&mut self, view: &TissueView<'_>, vertices: Range<usize>) {
-        let unmoved = self.joints.len() - 1;
-        for v in vertices.filter(|&v| view.rows.is_base(VertexId::new(v))) {
-            let rest = glam::Vec3::from_array(view.rows.rest_position[v]).as_dvec3();
-            let bones = view.rows.bones.row(v);
-            if bones.is_empty() {
-                self.joints[unmoved] = self.joints[unmoved].with(rest);
-            }
-            for bone in bones.iter().filter(|b| b.weight > 0.0 && (b.joint as usize) < unmoved) {
-                let joint = &mut self.joints[bone.joint as usize];
-                *joint = joint.with(rest);
-            }
-        }
-    }
-
-    /// Union over joints of their posed boxes (MATHS 5.8).
-    fn posed(&self, view: &TissueView<'_>) -> Bounds {
-        let mut all = self.joints.last().copied().unwrap_or(Bounds::EMPTY);
-        for (joint, matrix) in self.joints.iter().zip(&view.pose.joint_matrices) {
-            all = all.union(transformed(*joint, |p| matrix.transform(p)));
-        }
-        all
-    }
-}
-
-/// Farthest that turns carry anything within `bounds` (MATHS 5.8).
-fn largest_turn(bounds: Bounds, turns: &[Turn]) -> f64 {
-    if bounds.is_empty() {
-        return 0.0;
-    }
-    let away = |t: &Turn| (t.about - bounds.min).abs().max((bounds.max - t.about).abs()).length();
-    turns.iter().map(|t| t.size() * away(t)).fold(0.0, f64::max)
-}
-
-/// The box around a moved box; empty stays empty.
-pub fn transformed(bounds: Bounds, transform: impl Fn(DVec3) -> DVec3) -> Bounds {
-    if bounds.is_empty() {
-        return Bounds::EMPTY;
-    }
-    bounds.corners().into_iter().fold(Bounds::EMPTY, |all, corner| all.with(transform(corner)))
 }
 
 fn clamped(ranges: &[Range<usize>], len: u32) -> impl Iterator<Item = Range<usize>> + '_ {

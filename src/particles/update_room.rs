@@ -17,7 +17,7 @@ impl UpdateScratch {
         self.near.reserve(all);
         self.is_near.reserve(all / 64 + 1);
         self.codes.make_room(all);
-        self.work.reserve(EDIT_ROOM);
+        self.work.reserve(4 * EDIT_ROOM);
         self.weighted.reserve(EDIT_ROOM);
         self.links.reserve(EDIT_ROOM);
         self.row_of_links.reserve(EDIT_ROOM);

@@ -31,7 +31,18 @@ pub struct WaysRound {
     met: Vec<(usize, DVec3)>,
 }
 
+/// Slits, places, vertices and edges that room is made for at first.
+const ROOM: usize = 256;
+
 impl WaysRound {
+    /// Makes room for the wounds of a usual model.
+    pub fn make_room(&mut self) {
+        self.slits.reserve(ROOM);
+        self.ends.reserve(ROOM);
+        self.reached.reserve(ROOM);
+        self.met.reserve(8 * ROOM);
+    }
+
     /// Finds them: where few edges and less than `spacing` (metres, at rest) lead from one lip to the other, at a slit's ends or, where a
     /// floor joins its walls, at its bottom; no two nearer to each other than that. A slit that comes back to its start, or runs over a
     /// border, has none there.
@@ -51,10 +62,11 @@ impl WaysRound {
                 }
             }
             // ends proper before what is met round their corners
-            self.met.sort_by_key(|met| met.0);
-            for &(_, middle) in &self.met {
-                if self.ends[first..].iter().all(|e| e.distance_squared(middle) > spacing * spacing) {
-                    self.ends.push(middle);
+            for edges in 1..=MOST_EDGES {
+                for &(_, middle) in self.met.iter().filter(|met| met.0 == edges) {
+                    if self.ends[first..].iter().all(|e| e.distance_squared(middle) > spacing * spacing) {
+                        self.ends.push(middle);
+                    }
                 }
             }
             self.slits.push((start, self.ends.len()));

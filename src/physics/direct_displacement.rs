@@ -105,7 +105,21 @@ pub struct Followers {
     reaching: Vec<f32>,
 }
 
+/// Grabbed particles for each of which there is room for all followers' answers at first.
+const GRABBED: usize = 64;
+/// Answers that room is made for at first, at most.
+const ANSWERS: usize = 1 << 20;
+
 impl Followers {
+    /// Makes room for so many followers and grabbed particles.
+    pub fn make_room(&mut self, particles: usize) {
+        self.grabbed.reserve(particles);
+        self.moves.reserve(GROUPS + 1);
+        self.followers.reserve(particles);
+        self.asked.reserve(particles);
+        self.reaching.reserve((particles * particles.min(GRABBED)).min(ANSWERS));
+    }
+
     /// Tells anchors and displacements of what is grabbed, metres, in any order but always the same. `radius` as for [`pull`];
     /// `edits` is any number that changes with every edit: a wound may part followers from what is grabbed. True if something else is
     /// grabbed now, so that [`Followers::target`] asks what reaches whom.

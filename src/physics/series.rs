@@ -36,7 +36,17 @@ pub struct Series {
 /// Longest series tried; more needs a step of `h omega_max` near 2000.
 pub const MAX_DEGREE: usize = 1024;
 
+/// Nodes that room is made for at first: steps of an `h omega_max` up to 400.
+const NODES: usize = 256;
+
 impl Series {
+    /// Makes room for series of usual length.
+    pub fn make_room(&mut self) {
+        self.cosines.reserve(4 * NODES);
+        self.samples.reserve(NODES);
+        self.coefficients.reserve(NODES);
+    }
+
     /// Makes the series fit `key`; at once if it does already. Returns false if no series of [`MAX_DEGREE`] does.
     pub fn fit(&mut self, key: SeriesKey) -> bool {
         if self.key == key && self.degree > 0 {

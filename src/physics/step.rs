@@ -82,6 +82,7 @@ impl StepScratch {
         }
         self.drift.reserve(particles);
         self.ramp.reserve(particles);
+        self.series.make_room();
     }
 
     /// How often series coefficients were computed.

@@ -4,21 +4,68 @@ use super::{Scene, TissueId};
 use crate::geometry::ParticleId;
 use glam::DVec3;
 
-/// A particle, its displacement and its place (model space) when it was taken hold of.
-type Held = (ParticleId, DVec3, DVec3);
+/// Hands that room is made for.
+const HANDS: usize = 4;
+
+/// A particle that a hand holds.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    tissue: TissueId,
+    particle: ParticleId,
+    /// Its displacement when it was taken hold of.
+    displacement: DVec3,
+    /// Its place then, in model space.
+    place: DVec3,
+}
 
 /// A hand that holds particles.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Grab {
     id: u32,
     by: DVec3,
-    held: Vec<(TissueId, Vec<Held>)>,
+    /// By tissue, then particle.
+    held: Vec<Held>,
 }
 
 impl Grab {
     /// What it holds of a tissue, ascending.
     fn particles_of(&self, tissue: TissueId) -> &[Held] {
-        self.held.iter().find(|h| h.0 == tissue).map_or(&[], |h| &h.1)
+        let from = self.held.partition_point(|h| h.tissue < tissue);
+        let count = self.held[from..].partition_point(|h| h.tissue == tissue);
+        &self.held[from..from + count]
+    }
+}
+
+/// What hands hold.
+#[derive(Default)]
+pub(super) struct Grabs {
+    /// In the order they took hold.
+    at_work: Vec<Grab>,
+    /// Hands that hold nothing: room for others.
+    spare: Vec<Grab>,
+    /// Scratch: particles held in one tissue, and where.
+    all: Vec<(ParticleId, DVec3)>,
+}
+
+impl Grabs {
+    /// None, with room for a few hands in a scene of so many particles.
+    pub(super) fn with_room(particles: usize) -> Self {
+        let spare = || Grab { held: Vec::with_capacity(particles), ..Grab::default() };
+        Self {
+            at_work: Vec::with_capacity(HANDS),
+            spare: (0..HANDS).map(|_| spare()).collect(),
+            all: Vec::with_capacity(particles),
+        }
+    }
+
+    /// True if no hand holds.
+    pub(super) fn are_empty(&self) -> bool {
+        self.at_work.is_empty()
+    }
+
+    /// All hands let go.
+    pub(super) fn let_go(&mut self) {
+        self.spare.append(&mut self.at_work);
     }
 }
 
@@ -26,28 +73,29 @@ impl Scene {
     /// Takes hold of every particle whose anchor is seen within `radius` of `center` (model space).
     pub(super) fn begin_grab(&mut self, id: u32, center: DVec3, radius: f64) {
         self.end_grab(id);
-        let mut held = Vec::new();
-        for (&tissue_id, tissue) in &self.tissues {
+        let mut grab = self.grabs.spare.pop().unwrap_or_default();
+        grab.held.clear();
+        for (&id, tissue) in &self.tissues {
             let Some(layer) = tissue.layer() else { continue };
             let center = tissue.to_tissue(center);
-            let particles: Vec<_> = (0..layer.map.len())
-                .map(ParticleId::new)
-                .filter(|p| {
-                    let anchor = layer.map.anchors[p.index()];
-                    anchor.is_some() && tissue.position(anchor).distance(center) <= radius
-                })
-                .map(|p| (p, layer.displacements()[p.index()], tissue.particle_in_model(p)))
-                .collect();
-            if !particles.is_empty() {
-                held.push((tissue_id, particles));
-            }
+            let is_near = |p: &ParticleId| {
+                let anchor = layer.map.anchors[p.index()];
+                anchor.is_some() && tissue.position(anchor).distance(center) <= radius
+            };
+            grab.held.extend((0..layer.map.len()).map(ParticleId::new).filter(is_near).map(|particle| Held {
+                tissue: id,
+                particle,
+                displacement: layer.displacements()[particle.index()],
+                place: tissue.particle_in_model(particle),
+            }));
         }
-        self.grabs.push(Grab { id, by: DVec3::ZERO, held });
+        (grab.id, grab.by) = (id, DVec3::ZERO);
+        self.grabs.at_work.push(grab);
     }
 
     /// The hand has moved by `by` since it took hold.
     pub(super) fn move_grab(&mut self, id: u32, by: DVec3) {
-        for grab in self.grabs.iter_mut().filter(|g| g.id == id) {
+        for grab in self.grabs.at_work.iter_mut().filter(|g| g.id == id) {
             grab.by = by;
         }
     }
@@ -55,38 +103,42 @@ impl Scene {
     /// Lets go of particles that an undo has taken away, before others get their numbers.
     pub(super) fn prune_grabs(&mut self) {
         let Self { grabs, tissues, .. } = self;
-        for (id, held) in grabs.iter_mut().flat_map(|grab| &mut grab.held) {
-            let map = tissues.get(id).and_then(|t| t.layer()).map(|l| &l.map);
-            held.retain(|h| map.is_some_and(|map| map.anchors.get(h.0.index()).is_some_and(|a| a.is_some())));
-        }
+        let lives = |h: &Held| {
+            let layer = tissues.get(&h.tissue).and_then(|t| t.layer());
+            layer.is_some_and(|l| l.map.anchors.get(h.particle.index()).is_some_and(|a| a.is_some()))
+        };
+        grabs.at_work.iter_mut().for_each(|grab| grab.held.retain(lives));
     }
 
     /// Lets go: the springs take over.
     pub(super) fn end_grab(&mut self, id: u32) {
-        self.grabs.retain(|g| g.id != id);
+        let Grabs { at_work, spare, .. } = &mut self.grabs;
+        while let Some(i) = at_work.iter().position(|g| g.id == id) {
+            spare.push(at_work.remove(i));
+        }
         self.move_grabs();
     }
 
     /// Hands the grabbed particles and their places to the networks.
     pub(super) fn move_grabs(&mut self) {
-        let mut all = std::mem::take(&mut self.held);
-        for (id, tissue) in &mut self.tissues {
+        let Self { grabs: Grabs { at_work, all, .. }, tissues, rigid, .. } = self;
+        for (id, tissue) in tissues {
             // A fixed tissue's particles keep their offset from the moving anchors; a loose piece's stay in the hand.
-            let loose = self.rigid.body_of(*id).is_some();
+            let loose = rigid.body_of(*id).is_some();
             all.clear();
-            for (k, grab) in self.grabs.iter().enumerate() {
-                for &(p, u, at) in grab.particles_of(*id) {
+            for (k, grab) in at_work.iter().enumerate() {
+                for held in grab.particles_of(*id) {
+                    let p = held.particle;
                     // who came first holds it
-                    let taken = self.grabs[..k].iter().any(|g| g.particles_of(*id).binary_search_by_key(&p, |h| h.0).is_ok());
-                    if !taken {
-                        all.push((p, if loose { tissue.displacement_to(p, at + grab.by) } else { u + grab.by }));
+                    let is_taken = |g: &Grab| g.particles_of(*id).binary_search_by_key(&p, |h| h.particle).is_ok();
+                    if !at_work[..k].iter().any(is_taken) {
+                        let at = || tissue.displacement_to(p, held.place + grab.by);
+                        all.push((p, if loose { at() } else { held.displacement + grab.by }));
                     }
                 }
             }
             all.sort_unstable_by_key(|h| h.0);
-            tissue.hold_particles(&all);
+            tissue.hold_particles(all);
         }
-        all.clear();
-        self.held = all;
     }
 }

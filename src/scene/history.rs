@@ -132,7 +132,7 @@ impl Scene {
     /// Undoes every unit: the model as it was loaded. What was undone can be redone. False if
     /// there was nothing to undo.
     pub fn reset(&mut self) -> bool {
-        self.grabs.clear();
+        self.grabs.let_go();
         let any = self.undo_depth() > 0 && self.strokes.is_empty();
         while self.undo() {}
         any

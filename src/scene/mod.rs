@@ -14,14 +14,14 @@ pub use edit::EditCommand;
 pub use report::{EditReport, Outcome, PieceReport};
 pub use rigid::{ColliderView, Fixed, PieceSettings};
 
-use crate::geometry::{ParticleId, StateHash};
+use crate::geometry::StateHash;
 use crate::surgery::{Sampling, Slit, TearBox, WallMode};
 use crate::tissue::edit::CutScratch;
 use crate::tissue::measure::Sums;
 use crate::tissue::{Tissue, TissueDelta};
 use changes::Changes;
 use glam::DVec3;
-use grab::Grab;
+use grab::Grabs;
 use history::History;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -57,9 +57,7 @@ pub struct Scene {
     changes: Changes,
     last_boxes: Vec<TearBox>,
     last_slits: Vec<Slit>,
-    grabs: Vec<Grab>,
-    /// Empty but inside `move_grabs`.
-    held: Vec<(ParticleId, DVec3)>,
+    grabs: Grabs,
     settings: SceneSettings,
     cut_scratch: CutScratch,
     animation: Option<usize>,
@@ -78,6 +76,7 @@ impl Scene {
         let rigid = rigid::Rigid::new(&tissue);
         let sampling = settings.sampling(&tissue);
         let first = TissueId(0);
+        let particles = tissue.layer().map_or(0, |layer| layer.map.len());
         Self {
             spare_strokes: strokes::StrokeOf::spares(first, &mut tissue, sampling),
             tissues: BTreeMap::from([(first, Box::new(tissue))]),
@@ -90,8 +89,7 @@ impl Scene {
             changes: Changes::default(),
             last_boxes: Vec::with_capacity(BOXES_ROOM),
             last_slits: Vec::with_capacity(BOXES_ROOM),
-            grabs: Vec::new(),
-            held: Vec::new(),
+            grabs: Grabs::with_room(particles),
             settings,
             cut_scratch: CutScratch::default(),
             animation: None,
@@ -159,9 +157,14 @@ impl Scene {
         self.measuring = measuring;
     }
 
-    /// What lines the strokes from now on. A width of 0 has no walls.
+    /// What lines the strokes from now on. A width of 0 has no walls. The material that walls will have is made now.
     pub fn set_wall(&mut self, wall: WallMode) {
         self.wall = wall;
+        if wall == WallMode::Closed {
+            self.tissues.values_mut().for_each(|tissue| {
+                tissue.wound_material();
+            });
+        }
     }
 
     /// Strips of the last stroke of width 0, model space, in the order they were opened.
@@ -190,7 +193,7 @@ impl Scene {
 
     /// True if nothing moves but, maybe, the pose.
     pub fn is_asleep(&self) -> bool {
-        let tools_rest = self.strokes.is_empty() && self.grabs.is_empty();
+        let tools_rest = self.strokes.is_empty() && self.grabs.are_empty();
         tools_rest && self.rigid_rests() && self.tissues.values().all(|tissue| tissue.is_asleep())
     }
 

@@ -48,6 +48,9 @@ pub(super) struct WallScratch {
     /// Scratch: the rim's vertices, sorted, and the sections of the faces across its edges.
     rim_vertices: Vec<VertexId>,
     sections: Vec<SectionId>,
+    /// Scratch: vertices that may go, and what is tagged, each with its tag.
+    thinned: Vec<VertexId>,
+    tagged: Vec<(VertexId, i8)>,
 }
 
 impl WallScratch {
@@ -66,6 +69,8 @@ impl WallScratch {
         self.rim_vertices.reserve(edges);
         self.sections.reserve(edges);
         self.thinner.make_room(edges);
+        self.thinned.reserve(8 * edges);
+        self.tagged.reserve(edges);
     }
 
     pub(super) fn clear(&mut self) {
@@ -187,8 +192,11 @@ impl TearScratch {
     ) {
         let walls = out.walls.iter().map(|w| w.0).chain(out.added_faces.iter().copied());
         let walls = walls.filter(|&f| mesh.face_info(f).is_interior());
-        let mut vertices: Vec<VertexId> = walls.flat_map(|f| mesh.face(f)).collect();
-        let mut tagged: Vec<(VertexId, i8)> = self.zero.iter().map(|z| (z.vertex, 0)).collect();
+        let WallScratch { thinned, tagged, thinner, .. } = lining;
+        thinned.clear();
+        thinned.extend(walls.flat_map(|f| mesh.face(f)));
+        tagged.clear();
+        tagged.extend(self.zero.iter().map(|z| (z.vertex, 0)));
         tagged.extend(out.lips.iter().map(|l| (l.vertex, l.side)));
         tagged.sort_unstable();
         let may = |v: VertexId, into: VertexId| {
@@ -197,7 +205,7 @@ impl TearScratch {
         };
         let first_new = out.new_vertices.first().map_or(mesh.vertex_slots(), |n| n.vertex.index());
         let at = |v: VertexId| v.index().checked_sub(first_new).map_or_else(|| position(v), |i| out.new_vertices[i].position);
-        lining.thinner.thin(mesh, &mut vertices, spec.grain, &at, &may);
+        thinner.thin(mesh, thinned, spec.grain, &at, &may);
         out.walls.retain(|w| mesh.is_live(w.0));
         out.added_faces.retain(|&f| mesh.is_live(f));
         out.widened_faces.extend(lining.thinner.changed.iter().filter(|&&f| mesh.is_live(f)));

@@ -42,8 +42,10 @@ impl Tissue {
             return None;
         }
         let slit = self.layer().map_or(0, |l| l.strips.next_slit());
-        bind_slit(self, &step, [edges, [start, end]], slit, None, (&mut Vec::new(), stages));
-        self.release_slit();
+        let (report, _) = bind_slit(self, &step, [edges, [start, end]], slit, None, (&mut Vec::new(), stages));
+        self.scratch.update.reuse(report);
+        let report = self.release_slit();
+        self.scratch.update.reuse(report);
         let capped =
             if closed { stages.time("caps", || self.cap_bounded(&leaf.plane, &step, &scratch)) } else { CapOutcome::default() };
         Some((step, capped))

@@ -103,7 +103,16 @@ struct Exit {
     leaves: bool,
 }
 
+/// Faces of a bundle that room is made for at first.
+const BUNDLE_ROOM: usize = 512;
+
 impl ChordScratch {
+    /// Makes room for a tissue of so many vertices.
+    pub(super) fn make_room(&mut self, vertices: usize) {
+        self.skins.make_room(vertices);
+        self.bundles.iter_mut().for_each(|bundle| bundle.faces.reserve(BUNDLE_ROOM));
+    }
+
     /// To be called before an edit's corners are hung: nothing is known of what the last ones hung on.
     pub(super) fn begin(&mut self, made: &[NewVertex]) {
         let corners = made.iter().filter(|n| n.parent_count == 0).map(|n| n.position);

@@ -73,7 +73,8 @@ impl Tissue {
         let none = (VertexId::NONE, 0.0);
         let new = [NewVertex { vertex: middle, parents: [(u, 0.5), (v, 0.5), none], parent_count: 2, position: (p + q) / 2.0 }];
         self.add_vertices(&new);
-        self.update_map(&new, &[], 0..0, &[]);
+        let report = self.update_map(&new, &[], 0..0, &[]);
+        self.scratch.update.reuse(report);
         self.versions.structure += 1;
         true
     }

@@ -132,7 +132,8 @@ impl Tissue {
             all_held = update_after_plane_cut(rest, map, strips, made, on_positive_side, settings, &mut scratch.plane_update);
         }
         if !all_held {
-            self.update_map(new, &[], 0..0, &[]);
+            let report = self.update_map(new, &[], 0..0, &[]);
+            self.scratch.update.reuse(report);
         } else if still {
             // what was promoted has a rest position of its own, rounded; all others stand on the plane by their rows
             let promoted: Vec<_> = new.iter().filter(|n| self.rows.is_base(n.vertex)).map(|n| (n.vertex, n.position)).collect();

@@ -34,6 +34,20 @@ pub(super) struct Pulls {
     known: usize,
 }
 
+impl Hands {
+    /// Makes room for hands that hold all of so many particles.
+    pub(super) fn make_room(&mut self, particles: usize) {
+        let Self { grabs, anchors, followed, followers, pulls } = self;
+        grabs.reserve(particles);
+        for list in [anchors, &mut pulls.anchors] {
+            list.reserve(particles);
+        }
+        followed.reserve(particles);
+        followers.make_room(particles);
+        pulls.ways_round.make_room();
+    }
+}
+
 impl Pulls {
     /// The share of the `k`th pull that reaches a particle at `anchor`. A lip does not follow the hand that pulls at the other, but as far
     /// as the pull goes round the wound; strips from `open` on do not count.

@@ -509,6 +509,10 @@ impl Tissue {
         self.rest.reserve(headroom(self.rest.len()));
         self.scratch.new_vertices.reserve(EDIT_ROOM);
         self.scratch.targets.reserve(EDIT_ROOM);
+        self.scratch.corners.reserve(EDIT_ROOM);
+        if !self.rig.skins.is_empty() {
+            self.scratch.chords.make_room(self.rest.len() + headroom(self.rest.len()));
+        }
         self.fades.make_room(self.rest.len());
         if let Some(layer) = &mut self.layer {
             layer.map.make_room();
@@ -518,6 +522,8 @@ impl Tissue {
             let particles = layer.map.len() + headroom(layer.map.len());
             self.scratch.rest_displacements.reserve(particles);
             self.scratch.step.make_room(particles);
+            self.scratch.hands.make_room(particles);
+            self.scratch.all_held.reserve(particles);
             layer.opening.reserve(particles);
         }
     }

@@ -37,6 +37,12 @@ impl<K: PartialEq, T: Copy + Default> Rounds<K, T> {
         fit(&mut self.at, slots, Cell::new(T::default()));
     }
 
+    /// Makes room for so many values.
+    pub(super) fn make_room(&mut self, slots: usize) {
+        self.known.reserve(slots.saturating_sub(self.known.len()));
+        self.at.reserve(slots.saturating_sub(self.at.len()));
+    }
+
     /// Forgets one value.
     pub(super) fn forget(&self, i: usize) {
         if let Some(known) = self.known.get(i) {
@@ -121,6 +127,11 @@ impl PositionCache {
 pub(super) struct Skins(Rounds<u64>);
 
 impl Skins {
+    /// Makes room for so many vertices.
+    pub(super) fn make_room(&mut self, vertices: usize) {
+        self.0.make_room(vertices);
+    }
+
     /// Knows nothing any more.
     pub(super) fn forget(&mut self) {
         self.0.key = u64::MAX;

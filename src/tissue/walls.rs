@@ -19,7 +19,7 @@ pub(super) const LONGEST_ROW: usize = 12;
 
 impl Tissue {
     /// The index of the material of walls and floors, made when first asked for. UVs there are metres along the wall.
-    pub(super) fn wound_material(&mut self) -> u32 {
+    pub(crate) fn wound_material(&mut self) -> u32 {
         self.own_material("wound", [0.16, 0.012, 0.012, 1.0])
     }
 
