@@ -111,3 +111,40 @@ fn redo_finds_held_tissue_where_undo_left_it() {
     }
     assert!(farthest(&scene, &torn) < 1e-6);
 }
+
+/// How far the most crooked vertex is drawn out of line: its displacement less the mean of its neighbours', metres.
+fn most_crooked(scene: &Scene) -> f64 {
+    let tissue = only(scene);
+    let moved = |v| tissue.position(v) - tissue.rows().rest(v);
+    let crooked = |v: VertexId| {
+        let (sum, count) = tissue.mesh().neighbours(v).fold((DVec3::ZERO, 0.0), |(sum, n), w| (sum + moved(w), n + 1.0));
+        (moved(v) - sum / count).length()
+    };
+    tissue.mesh().live_vertices().map(crooked).fold(0.0, f64::max)
+}
+
+#[test]
+fn two_hands_draw_a_slit_apart_without_a_flap() {
+    let mut scene = heart();
+    for (id, x) in [(1, -0.02), (2, 0.024)] {
+        scene.edit(EditCommand::GrabBegin { id, center: DVec3::new(x, 0.0, 0.04), radius: 0.01 });
+    }
+    let pull = |scene: &mut Scene, k: u32| {
+        let way = (f64::from(k) / 45.0).min(1.0) * PULL;
+        scene.edit(EditCommand::GrabMove { id: 1, by: DVec3::new(-0.95 * way, 0.0, 0.3 * way) });
+        scene.edit(EditCommand::GrabMove { id: 2, by: DVec3::new(0.95 * way, 0.0, 0.3 * way) });
+        settle(scene, k, 1);
+    };
+    (0..72).for_each(|k| pull(&mut scene, k));
+    scene.edit(EditCommand::StrokeBegin { width: 0.0 });
+    for k in 0..=45 {
+        let tip = DVec3::new(-0.002, 0.03, 0.0).lerp(DVec3::new(0.006, -0.03, 0.0), f64::from(k) / 45.0);
+        scene.edit(EditCommand::StrokePose(BladePose { t: f64::from(k) * STEP, tip, base: tip + 0.12 * DVec3::Z }));
+        pull(&mut scene, 72 + k);
+    }
+    scene.edit(EditCommand::StrokeEnd);
+    (118..170).for_each(|k| pull(&mut scene, k));
+    let crooked = most_crooked(&scene);
+    println!("CROOKED {crooked}");
+    assert!(crooked < 0.0013, "{crooked}");
+}

@@ -175,9 +175,9 @@ struct LipViews {
 }
 
 impl LipViews {
-    fn view(&mut self, strip: &StripGeometry, at: DVec3, k: usize, known: KnownSide) -> &LipView {
+    fn view(&mut self, strips: &Strips, rest: &[DVec3], (v, k): (VertexId, usize), known: KnownSide) -> &LipView {
         let at = self.views.iter().position(|view| view.0 == k).unwrap_or_else(|| {
-            self.views.push((k, strip.view_of_lip(at, known)));
+            self.views.push((k, strips.lip_view(k, rest, v, known)));
             self.views.len() - 1
         });
         &self.views[at].1
@@ -204,9 +204,9 @@ impl LinkUnderTest<'_> {
     /// [`Strips::crosses`].
     fn crosses(&mut self, k: u32) -> bool {
         let k = k as usize;
-        let (strip, rest, views) = (self.strips.geometry(k), self.rest, &mut self.views);
-        let ends = [self.anchor, self.v].map(|end| self.strips.link_end(k, rest, end));
-        strip.crosses_viewed(ends, |end, known| views[end].view(strip, ends[end].at, k, known))
+        let (strips, rest, views, ends) = (self.strips, self.rest, &mut self.views, [self.anchor, self.v]);
+        let known_ends = ends.map(|end| strips.link_end(k, rest, end));
+        strips.geometry(k).crosses_viewed(known_ends, |end, known| views[end].view(strips, rest, (ends[end], k), known))
     }
 
     /// The same with the outcodes of both ends. Where geometry says of both what is known of them, it settles most.

@@ -91,6 +91,8 @@ pub(super) struct LipView {
     known: KnownSide,
     /// How each triangle is tested.
     by: [LipTest; 2],
+    /// Where it would be on its side of the strip that tells, if it lies beyond that one: see [`StripGeometry::on_side`].
+    beside: Option<DVec3>,
 }
 
 /// How a link of a lip is tested against one triangle.
@@ -103,6 +105,9 @@ enum LipTest {
     /// From the lip's mirror image, which is on the known side.
     Mirrored(DVec3),
 }
+
+/// Heights of lips over their strips at rest, as a share of the strip's size, that come from rounding.
+const ROUNDED: f64 = 1e-5;
 
 impl StripGeometry {
     /// From the corners `(tip0, tip1, base1, base0)` and the extension `d`.
@@ -266,7 +271,7 @@ impl StripGeometry {
 
     /// [`Self::crosses`] for ends that may know their side.
     pub fn crosses_link(&self, ends: [LinkEnd; 2]) -> bool {
-        self.crosses_viewed(ends, |end, known| self.view_of_lip(ends[end].at, known))
+        self.crosses_viewed(ends, |end, known| self.view_of_lip(ends[end].at, known, None))
     }
 
     /// The same for a caller who may know how an end lies to the strip: `view` tells, [`StripGeometry::view_of_lip`] if asked first.
@@ -284,12 +289,12 @@ impl StripGeometry {
     }
 
     /// A lip vertex may lie in the strip, or beyond it by rounding or because the slit was cut in a bent pose: there its
-    /// known side stands in for geometry.
-    pub(super) fn view_of_lip(&self, at: DVec3, known: KnownSide) -> LipView {
+    /// known side stands in for geometry. `beside` is where a lip of a neighbouring strip lies on its own side of that one.
+    pub(super) fn view_of_lip(&self, at: DVec3, known: KnownSide, beside: Option<DVec3>) -> LipView {
         // where the lip lies on its known side, geometry needs no help
         let plain = [0, 1].map(|t| self.side(t, at) == known.side && self.height(t, at) != 0.0);
         if plain == [true; 2] {
-            return LipView { at, known, by: [LipTest::Geometry; 2] };
+            return LipView { at, known, by: [LipTest::Geometry; 2], beside };
         }
         let squared = self.triangles.map(|t| distance_squared_to_triangle(at, t));
         let nearest = usize::from(squared[1] < squared[0]);
@@ -300,7 +305,7 @@ impl StripGeometry {
             height if height.abs() > 4.0 * own_height + 1e-9 * extent => LipTest::Geometry,
             height => LipTest::Mirrored(at - self.units[t] * (2.0 * height)),
         });
-        LipView { at, known, by }
+        LipView { at, known, by, beside }
     }
 
     /// True if the link between a lip and a point that knows no side crosses.
@@ -310,13 +315,28 @@ impl StripGeometry {
         if !lip.known.own && self.is_beside(lip.at, x, self.margin) {
             return false;
         }
-        (0..2).any(|t| match lip.by[t] {
+        let crosses = (0..2).any(|t| match lip.by[t] {
             LipTest::Geometry => self.triangle_crosses(t, lip.at, x),
             LipTest::OtherSide => self.side(t, x) != lip.known.side,
             // The segment from the mirror image ends at x: the line through the lip itself goes on for ever, and met strips far
             // from either end.
             LipTest::Mirrored(mirrored) => self.side(t, x) != lip.known.side && line_meets(self.triangles[t], mirrored, x),
-        })
+        });
+        crosses || lip.beside.is_some_and(|from| (0..2).any(|t| self.triangle_crosses(t, from, x)))
+    }
+
+    /// The mirror image, on `side`, of a lip that lies on the other side by more than rounding: its slit was cut in bent tissue. Where the
+    /// slit bends, a link from the lip itself passes round the corner between this strip and the next.
+    pub(super) fn on_side(&self, at: DVec3, side: i8) -> Option<DVec3> {
+        let grain = ROUNDED * (self.high - self.low).length();
+        let heights = [0, 1].map(|t| self.height(t, at));
+        if heights.iter().all(|h| h * f64::from(side) > -grain) {
+            return None;
+        }
+        let squared = self.triangles.map(|t| distance_squared_to_triangle(at, t));
+        let nearest = usize::from(squared[1] < squared[0]);
+        let height = heights[nearest];
+        (height * f64::from(side) < -grain).then(|| at - self.units[nearest] * (2.0 * height))
     }
 
     /// +1 or -1; points in the plane count as +1.

@@ -7,7 +7,7 @@ use super::holders::VertexSet;
 use super::particle_map::ParticleMap;
 use super::places::Places;
 use super::settings::ParticleSettings;
-use super::strip_test::{KnownSide, LinkEnd, StripGeometry};
+use super::strip_test::{KnownSide, LinkEnd, LipView, StripGeometry};
 use crate::geometry::room::{headroom, rows_headroom};
 use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
@@ -252,7 +252,9 @@ impl Strips {
 
     /// True if the link between two vertices crosses strip `k`.
     pub fn crosses(&self, k: usize, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
-        self.geometry[k].crosses_link([a, b].map(|end| self.link_end(k, rest, end)))
+        let ends = [a, b];
+        let view = |end: usize, known| self.lip_view(k, rest, ends[end], known);
+        self.geometry[k].crosses_viewed(ends.map(|end| self.link_end(k, rest, end)), view)
     }
 
     /// A vertex as the end of a link that may cross strip `k`.
@@ -260,11 +262,23 @@ impl Strips {
         LinkEnd { at: rest[v.index()], side: self.known_side(k, v) }
     }
 
+    /// How a vertex that knows its side of strip `k` lies to it.
+    pub(super) fn lip_view(&self, k: usize, rest: &[DVec3], v: VertexId, known: KnownSide) -> LipView {
+        self.geometry[k].view_of_lip(rest[v.index()], known, self.beside(k, rest, v))
+    }
+
+    /// Where a vertex that knows its side of strip `k` from a neighbour of it lies on its side of that one, if it lies beyond it.
+    fn beside(&self, k: usize, rest: &[DVec3], v: VertexId) -> Option<DVec3> {
+        let lip = self.telling_lip(k, v).filter(|l| l.strip as usize != k)?;
+        self.geometry[lip.strip as usize].on_side(rest[v.index()], lip.side as i8)
+    }
+
     /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.
     pub(super) fn code_of(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
         let code = self.geometry[k].outcode(rest[v.index()]);
         match self.known_side(k, v) {
             Some(known) if !StripGeometry::is_on_side(code, known.side) => 0,
+            Some(known) if !known.own && self.beside(k, rest, v).is_some() => 0,
             _ => code,
         }
     }

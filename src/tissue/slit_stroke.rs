@@ -111,6 +111,15 @@ impl SlitState {
         self.ended.iter().rev().find(follows)
     }
 
+    /// The end of the last slit, nearest to the handle, if that ends in this blade (tip, top).
+    pub(super) fn end_on(&self, tissue: &Tissue, blade: [DVec3; 2]) -> Option<VertexId> {
+        let slack = SAME_LINE * tissue.diagonal();
+        let ended = self.ended.iter().rev().find(|e| (0..2).all(|k| e.blade[k].distance(blade[k]) <= slack))?;
+        let live = ended.vertices.iter().copied().filter(|&v| tissue.mesh.vertex_is_live(v));
+        let below = live.map(|v| ((tissue.position(v) - blade[1]).dot(blade[0] - blade[1]), v));
+        below.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|(_, v)| v)
+    }
+
     /// `strays` says of a vertex and of the strip's last blade whether they are apart.
     fn end(&mut self, slit: &Slit, at_rest: [DVec3; 2], strip: Option<usize>, strays: impl Fn(VertexId, [DVec3; 2]) -> bool) {
         if self.ended.len() == ENDS_KEPT {

@@ -6,6 +6,8 @@ mod box_planes;
 mod slit_stroke;
 #[path = "stroke_room.rs"]
 mod stroke_room;
+#[path = "stroke_ties.rs"]
+mod stroke_ties;
 
 use super::inside::{CLEARANCE, Seen, corners_inside, is_buried, is_crumpled};
 use super::positions::PositionCache;
@@ -20,6 +22,7 @@ use box_planes::BoxPlanes;
 use glam::{DMat3, DVec3};
 use slit_stroke::SlitState;
 pub(super) use slit_stroke::{at_rest, bind_slit};
+use stroke_ties::Tie;
 
 /// Sides whose two triangles are this flat, as a fraction of the diagonal, are one plane.
 const FLAT_SIDE: f64 = 1e-9;
@@ -62,14 +65,6 @@ pub struct SegmentReport {
     pub smallest_angle: f64,
     /// Rows that grew too long and became base vertices.
     pub promoted_vertices: usize,
-}
-
-/// A pending quad tied to the tissue by the frame of a vertex near it (MATHS 5.5).
-struct Tie {
-    serial: u32,
-    vertex: VertexId,
-    rest: [DVec3; 4],
-    posed: [DVec3; 4],
 }
 
 /// What a box leaves for the next of its chain.
@@ -264,55 +259,6 @@ impl TearStroke {
         tissue.scratch.hands.pulls.under_blade = None;
         self.spare_ended.append(&mut self.ended);
         self.slits.release();
-    }
-
-    /// Moves the pending quads with the tissue (MATHS 5.5). Those it has not moved keep their bits.
-    fn follow_tissue(&mut self, tissue: &Tissue) {
-        self.moved = false;
-        for (serial, quad) in self.stroke.builder().pending_quads_mut() {
-            let Some(tie) = self.ties.iter_mut().find(|t| t.serial == serial) else { continue };
-            for k in 0..4 {
-                let now = tissue.to_posed(tie.vertex, tie.rest[k]);
-                if now != tie.posed[k] {
-                    quad[k] += now - tie.posed[k];
-                    tie.posed[k] = now;
-                    self.moved = true;
-                }
-            }
-        }
-    }
-
-    /// Ties the pending quads to the nearest live vertices. A tie whose vertex lives is kept.
-    fn tie_quads(&mut self, tissue: &Tissue) {
-        let Self { stroke, ties, near, nearby, candidates, positions, ended, .. } = self;
-        nearby.clear();
-        nearby.extend_from_slice(near);
-        for chain in stroke.builder().open_chains() {
-            // what the other lane's last box has touched
-            nearby.extend(ended.iter().filter(|e| e.place.0 == chain).flat_map(|e| &e.near));
-        }
-        let pending = stroke.builder().pending_quads_mut();
-        let mut kept = 0;
-        for (serial, quad) in pending {
-            let old = ties[kept..].iter().position(|t| t.serial == serial && tissue.mesh.vertex_is_live(t.vertex));
-            if let Some(at) = old {
-                ties.swap(kept, kept + at);
-                kept += 1;
-                continue;
-            }
-            let top = (quad[2] + quad[3]) / 2.0;
-            // the blade may have gone elsewhere since the last box
-            let reach = 2.0 * quad[0].distance(quad[2]);
-            let seen = |v| positions.of(tissue, v);
-            let close = nearest_of(tissue, nearby, top, &seen).filter(|&v| seen(v).distance(top) <= reach);
-            let nearest = || close.or_else(|| nearest_vertex(tissue, candidates, top, &seen));
-            if let Some(vertex) = nearest().or_else(|| tissue.any_vertex_near(top)) {
-                let rest = quad.map(|p| tissue.to_rest(vertex, p));
-                ties.insert(kept, Tie { serial, vertex, rest, posed: rest.map(|p| tissue.to_posed(vertex, p)) });
-                kept += 1;
-            }
-        }
-        ties.truncate(kept);
     }
 
     /// Hands over what the boxes have changed since the last call, oldest first, and returns how many bytes a GPU mirror needs to
