@@ -145,6 +145,6 @@ fn two_hands_draw_a_slit_apart_without_a_flap() {
     scene.edit(EditCommand::StrokeEnd);
     (118..170).for_each(|k| pull(&mut scene, k));
     let crooked = most_crooked(&scene);
-    println!("CROOKED {crooked}");
+    // 0.0015 where links of lips pass round the corners that the slit has at rest; what is left is at the slit's own ends
     assert!(crooked < 0.0013, "{crooked}");
 }
