@@ -590,8 +590,8 @@ mod tests {
             StripGeometry::new([(a, -1.0), (b, -1.0), (b, 0.0), (a, 0.0)].map(|([x, y], z)| DVec3::new(x, y, z)), 0.2)
         };
         let (own, next) = (strip([0.0, 0.0], [1.0, 0.0]), strip([1.0, 0.0], [2.0, -0.3]));
-        let (lip, over) = (DVec3::new(0.9, 0.05, -0.5), DVec3::new(1.5, -0.14, -0.5));
-        assert!(own.on_side(lip, 1).unwrap().distance(DVec3::new(0.9, -0.05, -0.5)) < 1e-12 && own.on_side(lip, -1).is_none());
+        let (lip, over) = (DVec3::new(0.9, 0.02, -0.5), DVec3::new(1.2, -0.035, -0.5));
+        assert!(own.on_side(lip, 1).unwrap().distance(DVec3::new(0.9, -0.02, -0.5)) < 1e-12 && own.on_side(lip, -1).is_none());
         let known = KnownSide { side: 1, own: false };
         assert!(next.lip_crosses(&next.view_of_lip(lip, known, own.on_side(lip, 1)), over));
         assert!(!next.lip_crosses(&next.view_of_lip(lip, known, None), over), "from its place it passes round the corner");
