@@ -15,7 +15,12 @@ pub fn headroom(len: usize) -> usize {
     len / 2 + 4096
 }
 
-/// The same for `len` entries in rows that move to the end when they grow: an hour's edits write more than there was.
+/// `len` entries and their [`headroom`].
+pub fn with_headroom(len: usize) -> usize {
+    len + headroom(len)
+}
+
+/// [`headroom`] for `len` entries in rows that move to the end when they grow: an hour's edits write more than there was.
 pub fn rows_headroom(len: usize) -> usize {
     headroom(len) + (4 * len).clamp(1 << 17, 1 << 20)
 }

@@ -3,9 +3,9 @@
 //! A range that outgrows its room moves; its content is copied on the GPU, so that an edit never uploads a whole mesh
 //! again. An arena that is full is replaced by a larger one the same way.
 //!
-//! Memory: [`bytes_per_model`]. Headroom adds a quarter (a half, up to 65,536 elements), and to what is small as much as twice what there is (to terms, which edits
-//! write anew most, eight times; 8 MB a tissue at most): a range that moves costs a frame a copy and two allocations. Where memory is
-//! short there is none.
+//! Memory: [`bytes_per_model`]. Headroom adds a quarter (a half, up to 65,536 elements), and to what is small as much as twice what
+//! there is (to terms, which edits write anew most, eight times; 8 MB a tissue at most): a range that moves costs a frame a copy and two
+//! allocations. Where memory is short there is none.
 
 use super::allocator::RangeAllocator;
 use super::belt::Belt;

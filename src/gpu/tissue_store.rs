@@ -13,7 +13,7 @@ use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, Tissue
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
 use super::views::ViewPose;
 use crate::geometry::FaceId;
-use crate::geometry::room::{fit, headroom};
+use crate::geometry::room::{fit, headroom, with_headroom};
 use crate::rig::{FADE_BLOCK, JointMatrix};
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
@@ -272,11 +272,10 @@ impl GpuTissue {
         if view.displacements.is_empty() {
             return;
         }
-        let grown = |len: usize| len + headroom(len);
         self.fades.reserve(2 * headroom(view.mesh.vertex_slots()));
-        self.displacements.reserve(grown(view.displacements.len()));
-        self.stale.particles.reserve(grown(view.displacements.len()));
-        self.groups.make_room(grown(view.mesh.vertex_slots()), grown(view.mesh.wedges().len()));
+        self.displacements.reserve(with_headroom(view.displacements.len()));
+        self.stale.particles.reserve(with_headroom(view.displacements.len()));
+        self.groups.make_room(with_headroom(view.mesh.vertex_slots()), with_headroom(view.mesh.wedges().len()));
     }
 
     /// The deform pass on the CPU.

@@ -2,7 +2,7 @@
 
 use super::lists::Lists;
 use super::particle_map::{Influence, ParticleMap};
-use crate::geometry::room::{fit, headroom, rows_headroom};
+use crate::geometry::room::{fit, rows_headroom, with_headroom};
 use crate::geometry::{ParticleId, StateHash, VertexId};
 use glam::{DVec3, Vec3A};
 
@@ -39,7 +39,7 @@ impl Holders {
         let mut order: Vec<(u32, u32)> = (0..rows).map(|v| (along_curve((rest[v] - low) * scale), v as u32)).collect();
         order.sort_unstable();
         // zeros that nothing has written to are no memory yet
-        let mut holders = Self { noted: vec![0; rows + headroom(rows)], ends: rows, ..Self::default() };
+        let mut holders = Self { noted: vec![0; with_headroom(rows)], ends: rows, ..Self::default() };
         let mut counts = vec![0; map.len()];
         (0..rows).flat_map(|v| map.influences.row(v)).for_each(|i| counts[i.particle.index()] += 1);
         for (j, &count) in counts.iter().enumerate() {

@@ -6,7 +6,7 @@ use super::particle_map::ParticleMap;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LipView, Sight, StripGeometry};
 use super::strips::{LipSide, Strips};
-use crate::geometry::room::{fit, headroom};
+use crate::geometry::room::{fit, with_headroom};
 use crate::geometry::{ParticleId, VertexId};
 use glam::{DVec3, Vec3A, Vec4};
 
@@ -341,7 +341,7 @@ impl LinkTests {
     /// Makes room for the strips of all particles that there are.
     pub(super) fn make_room(&mut self, particles: usize) {
         self.make_ends();
-        self.particles.reserve(particles + headroom(particles));
+        self.particles.reserve(with_headroom(particles));
         self.lists.strips.reserve(ROOM);
         self.lists.sights.reserve(ROOM / BATCH);
         self.lists.unlisted.reserve(ROOM / BATCH);

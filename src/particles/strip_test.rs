@@ -269,12 +269,13 @@ impl StripGeometry {
         a.max(b).cmplt(self.low - margin).any() || a.min(b).cmpgt(self.high + margin).any()
     }
 
-    /// [`Self::crosses`] for ends that may know their side.
-    pub fn crosses_link(&self, ends: [LinkEnd; 2]) -> bool {
+    /// For ends of which none lies beyond the strip that tells its side.
+    #[cfg(test)]
+    fn crosses_link(&self, ends: [LinkEnd; 2]) -> bool {
         self.crosses_viewed(ends, |end, known| self.view_of_lip(ends[end].at, known, None))
     }
 
-    /// The same for a caller who may know how an end lies to the strip: `view` tells, [`StripGeometry::view_of_lip`] if asked first.
+    /// [`Self::crosses`] for ends that may know their side: `view` tells how such an end lies to the strip.
     pub(super) fn crosses_viewed<V: Borrow<LipView>>(
         &self,
         ends: [LinkEnd; 2],

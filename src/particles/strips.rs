@@ -8,7 +8,7 @@ use super::particle_map::ParticleMap;
 use super::places::Places;
 use super::settings::ParticleSettings;
 use super::strip_test::{KnownSide, LinkEnd, LipView, StripGeometry};
-use crate::geometry::room::{headroom, rows_headroom};
+use crate::geometry::room::{headroom, rows_headroom, with_headroom};
 use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -264,23 +264,23 @@ impl Strips {
 
     /// How a vertex that knows its side of strip `k` lies to it.
     pub(super) fn lip_view(&self, k: usize, rest: &[DVec3], v: VertexId, known: KnownSide) -> LipView {
-        self.geometry[k].view_of_lip(rest[v.index()], known, self.beside(k, rest, v))
+        let at = rest[v.index()];
+        self.geometry[k].view_of_lip(at, known, self.telling_lip(k, v).and_then(|lip| self.beside(k, lip, at)))
     }
 
-    /// Where a vertex that knows its side of strip `k` from a neighbour of it lies on its side of that one, if it lies beyond it.
-    fn beside(&self, k: usize, rest: &[DVec3], v: VertexId) -> Option<DVec3> {
-        let lip = self.telling_lip(k, v).filter(|l| l.strip as usize != k)?;
-        self.geometry[lip.strip as usize].on_side(rest[v.index()], lip.side as i8)
+    /// Where a vertex at `at` that knows its side of strip `k` by `lip`, of a neighbour of it, is on its side of that one, if it lies
+    /// beyond it.
+    fn beside(&self, k: usize, lip: &LipSide, at: DVec3) -> Option<DVec3> {
+        let by = lip.strip as usize;
+        if by == k { None } else { self.geometry[by].on_side(at, lip.side as i8) }
     }
 
     /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.
     pub(super) fn code_of(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
         let code = self.geometry[k].outcode(rest[v.index()]);
-        match self.known_side(k, v) {
-            Some(known) if !StripGeometry::is_on_side(code, known.side) => 0,
-            Some(known) if !known.own && self.beside(k, rest, v).is_some() => 0,
-            _ => code,
-        }
+        let stands_against =
+            |lip: &LipSide| !StripGeometry::is_on_side(code, lip.side as i8) || self.beside(k, lip, rest[v.index()]).is_some();
+        if self.telling_lip(k, v).is_some_and(stands_against) { 0 } else { code }
     }
 
     /// True if `v` knows its side of strip `k`, whatever geometry says.
@@ -359,8 +359,8 @@ impl Strips {
     /// Makes room for the strips, and all that goes with them, of many strokes through this many vertices and particles.
     pub fn make_room(&mut self, vertices: usize, particles: usize) {
         self.strips.make_room();
-        self.lips.reserve(vertices + headroom(vertices), rows_headroom(vertices));
-        self.known_lips.reserve(headroom(vertices), vertices + headroom(vertices));
+        self.lips.reserve(with_headroom(vertices), rows_headroom(vertices));
+        self.known_lips.reserve(headroom(vertices), with_headroom(vertices));
         self.wounds.make_room();
         self.row.reserve(LIPS_ROOM);
         self.geometry.reserve(STROKES_ROOM);

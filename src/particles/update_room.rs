@@ -1,7 +1,7 @@
 //! Room for what an update of the particle map looks at and changes, found before the first.
 
 use super::{MapUpdateReport, UpdateScratch};
-use crate::geometry::room::headroom;
+use crate::geometry::room::with_headroom;
 
 /// Vertices, faces and links of an edit.
 const EDIT_ROOM: usize = 1024;
@@ -9,8 +9,8 @@ const EDIT_ROOM: usize = 1024;
 impl UpdateScratch {
     /// Makes room for updates of so many particles on a mesh of so many vertices.
     pub fn make_room(&mut self, vertices: usize, particles: usize) {
-        let all = particles + headroom(particles);
-        let slots = vertices + headroom(vertices);
+        let all = with_headroom(particles);
+        let slots = with_headroom(vertices);
         self.flood.make_room(EDIT_ROOM, slots);
         self.rows.make_room(EDIT_ROOM, slots);
         self.reaches.make_room(all);

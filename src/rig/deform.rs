@@ -3,7 +3,7 @@
 
 use super::rows::VertexRows;
 use super::skinning::Pose;
-use crate::geometry::room::headroom;
+use crate::geometry::room::with_headroom;
 use crate::geometry::{Turn, VertexId};
 use glam::{DVec3, Vec3};
 use std::ops::Range;
@@ -35,7 +35,7 @@ impl Fades {
 
     /// Makes room for the first fade of so many vertices.
     pub fn make_room(&mut self, vertices: usize) {
-        let all = vertices + headroom(vertices);
+        let all = with_headroom(vertices);
         if self.entries.is_empty() && self.room.len() < vertices {
             self.room = vec![[0.0; 4]; all];
         }

@@ -37,7 +37,6 @@ impl Grab {
 }
 
 /// What hands hold.
-#[derive(Default)]
 pub(super) struct Grabs {
     /// In the order they took hold.
     at_work: Vec<Grab>,

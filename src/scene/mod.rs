@@ -161,9 +161,9 @@ impl Scene {
     pub fn set_wall(&mut self, wall: WallMode) {
         self.wall = wall;
         if wall == WallMode::Closed {
-            self.tissues.values_mut().for_each(|tissue| {
+            for tissue in self.tissues.values_mut() {
                 tissue.wound_material();
-            });
+            }
         }
     }
 

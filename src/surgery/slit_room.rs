@@ -1,12 +1,12 @@
 //! Room for what a step of a slit looks at and makes, found before the first.
 
 use super::{SlitScratch, SlitStep};
-use crate::geometry::room::headroom;
+use crate::geometry::room::with_headroom;
 
 impl SlitScratch {
     /// Makes room for meshes of so many vertices.
     pub fn make_room_for_mesh(&mut self, vertices: usize) {
-        self.slot.reserve(vertices + headroom(vertices));
+        self.slot.reserve(with_headroom(vertices));
     }
 
     /// Makes room for a step that looks at so many vertices.

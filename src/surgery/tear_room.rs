@@ -1,7 +1,7 @@
 //! Room for what a step looks at and makes, found before the first.
 
 use super::{TearScratch, TearStep};
-use crate::geometry::room::headroom;
+use crate::geometry::room::with_headroom;
 
 /// Points of a face that a box has clipped.
 const POLYGON: usize = 32;
@@ -9,7 +9,7 @@ const POLYGON: usize = 32;
 impl TearScratch {
     /// Makes room for meshes of so many vertices.
     pub fn make_room_for_mesh(&mut self, vertices: usize) {
-        self.slot.reserve(vertices + headroom(vertices));
+        self.slot.reserve(with_headroom(vertices));
     }
 
     /// Makes room for a step that looks at so many vertices.

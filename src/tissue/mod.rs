@@ -21,7 +21,7 @@ pub mod touch;
 mod walls;
 
 use crate::formats::{Material, Model};
-use crate::geometry::room::headroom;
+use crate::geometry::room::{headroom, with_headroom};
 use crate::geometry::sections::{cluster_faces, join_strays};
 use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, SectionId, StateHash, Turn, VertexId};
 use crate::particles::{
@@ -511,7 +511,7 @@ impl Tissue {
         self.scratch.targets.reserve(EDIT_ROOM);
         self.scratch.corners.reserve(EDIT_ROOM);
         if !self.rig.skins.is_empty() {
-            self.scratch.chords.make_room(self.rest.len() + headroom(self.rest.len()));
+            self.scratch.chords.make_room(with_headroom(self.rest.len()));
         }
         self.fades.make_room(self.rest.len());
         if let Some(layer) = &mut self.layer {
@@ -519,7 +519,7 @@ impl Tissue {
             layer.strips.make_room(self.rest.len(), layer.map.len());
             layer.network.make_room();
             self.scratch.update.make_room(self.rest.len(), layer.map.len());
-            let particles = layer.map.len() + headroom(layer.map.len());
+            let particles = with_headroom(layer.map.len());
             self.scratch.rest_displacements.reserve(particles);
             self.scratch.step.make_room(particles);
             self.scratch.hands.make_room(particles);
