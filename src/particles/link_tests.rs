@@ -43,7 +43,7 @@ struct TestedEnd {
     views: LipViews,
 }
 
-/// Strips that a vertex may know its side of, with its outcodes; 0 where a known side stands against geometry.
+/// Strips that a vertex may know its side of, oldest first, with its outcodes; 0 where a known side stands against geometry.
 #[derive(Clone, Debug, Default)]
 struct StripsAround {
     strips: Vec<(u32, u16)>,
@@ -93,12 +93,12 @@ impl StripsAround {
         if !self.is_known {
             self.is_known = true;
             self.strips.clear();
+            // lips come in the order of their strips
+            let mut next = 0;
             for lip in strips.lip_sides(v) {
-                for k in lip.strip.saturating_sub(1)..(strips.len() as u32).min(lip.strip + 2) {
-                    if self.strips.iter().all(|a| a.0 != k) {
-                        self.strips.push((k, strips.code_of(k as usize, rest, v)));
-                    }
-                }
+                let around = next.max(lip.strip.saturating_sub(1))..(lip.strip + 2).min(strips.len() as u32);
+                next = around.end.max(next);
+                self.strips.extend(around.map(|k| (k, strips.code_of(k as usize, rest, v))));
             }
         }
         &self.strips
@@ -250,8 +250,19 @@ impl NearStrips {
             }
         }
         // a known side may stand against geometry, so those strips are tested wherever they are
-        let code = |k: u32| listed.strips.iter().rev().find(|s| s.0 <= k).filter(|s| s.0 == k).map_or(0, |s| s.1);
-        !around.iter().any(|&(k, own)| link.crosses_coded(k, [code(k), own])) && !listed.unlisted.iter().any(|&k| link.crosses(k))
+        let mut older = listed.strips;
+        for &(k, own) in around.iter().rev() {
+            while let [rest @ .., (last, _)] = older
+                && *last > k
+            {
+                older = rest;
+            }
+            let code = older.last().filter(|s| s.0 == k).map_or(0, |s| s.1);
+            if link.crosses_coded(k, [code, own]) {
+                return false;
+            }
+        }
+        !listed.unlisted.iter().any(|&k| link.crosses(k))
     }
 }
 
@@ -313,22 +324,40 @@ impl LinkTests {
         settings: &ParticleSettings,
         (j, v): (ParticleId, VertexId),
     ) -> bool {
+        let mut is_connected = false;
+        self.each_connected((strips, rest, map, settings), j, std::iter::once(v), |_| is_connected = true);
+        is_connected
+    }
+
+    /// Calls `found` for those of `vertices`, all within the radius of `j`, that no strip parts from its anchor.
+    pub(super) fn each_connected(
+        &mut self,
+        (strips, rest, map, settings): (&Strips, &[DVec3], &ParticleMap, &ParticleSettings),
+        j: ParticleId,
+        vertices: impl Iterator<Item = VertexId>,
+        mut found: impl FnMut(VertexId),
+    ) {
         let radius = settings.radius_of(map, j);
         self.bring_up(strips, rest, map, radius, j);
         let anchor = map.anchors[j.index()];
         self.make_ends();
         let Self { particles, lists, ends, spare_end, .. } = self;
-        let [a, b] = [anchor, v].map(|end| end.index() % ENDS);
-        let [from, to] = match ends.get_disjoint_mut([a, b]) {
-            Ok(ends) => ends,
-            Err(_) => [spare_end, &mut ends[b]],
-        };
+        let (near, listed) = (&mut particles[j.index()], lists.of(j));
+        // a vertex that shares the anchor's place gets what was spare
+        std::mem::swap(&mut ends[anchor.index() % ENDS], spare_end);
+        let from = &mut *spare_end;
         from.look(strips, anchor);
-        to.look(strips, v);
-        let TestedEnd { around, views, .. } = to;
-        let near = &mut particles[j.index()];
-        let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip: near.lips > 0, views: [&mut from.views, views] };
-        near.connects(&mut link, lists.of(j), radius, around.of(strips, rest, v))
+        for v in vertices {
+            let to = &mut ends[v.index() % ENDS];
+            to.look(strips, v);
+            let TestedEnd { around, views, .. } = to;
+            let is_lip = near.lips > 0;
+            let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip, views: [&mut from.views, views] };
+            if near.connects(&mut link, listed, radius, around.of(strips, rest, v)) {
+                found(v);
+            }
+        }
+        std::mem::swap(&mut ends[anchor.index() % ENDS], spare_end);
     }
 
     #[inline]

@@ -461,12 +461,11 @@ impl Update<'_, '_> {
     fn find_influences(&mut self, j: ParticleId) {
         let anchor = self.map.anchors[j.index()];
         self.scratch.flood.ball(self.mesh, self.rest, anchor, self.settings.radius_of(self.map, j));
-        for i in 0..self.scratch.flood.reached.len() {
-            let v = self.scratch.flood.reached[i];
-            if self.may_link(v, j) {
-                self.scratch.rows.open(v, self.map).add(j);
-            }
-        }
+        let Self { rest, settings, scratch, .. } = self;
+        let (map, strips, rest, settings) = (&*self.map, &*self.strips, *rest, *settings);
+        let UpdateScratch { flood, rows, reaches, tests, .. } = &mut **scratch;
+        let in_reach = flood.reached.iter().copied().filter(|&v| reaches.weight(settings, map, rest, v, j) > 0.0);
+        tests.each_connected((strips, rest, map, settings), j, in_reach, |v| rows.open(v, map).add(j));
     }
 
     /// A new particle is joined to those that hold its anchor: near, on its sheet, and on its side of every strip.
