@@ -3,7 +3,7 @@
 //!
 //! Strips that follow one another share a blade line, and the slit has to run through it: its ends on that line are tagged
 //! and the next strip starts at exactly those vertices. Where the tissue has moved in between they no longer lie on the
-//! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two.
+//! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two, out of the skin.
 
 use super::{ENDS_KEPT, LipVertex, SegmentReport, TearStroke, nearest_vertex};
 use crate::diagnostics::Stages;
@@ -25,6 +25,9 @@ const OFF_LINE: f64 = 1e-5;
 
 /// Ends that have come further apart, as a fraction of the diagonal, are left apart: tissue that jumps is not cut along its way.
 const MOST_JOINED: f64 = 0.02;
+
+/// Ends lie over each other if the sine of the angle between the blade and the way from one to the other is less.
+const ONE_OVER_OTHER: f64 = 0.1;
 
 /// Where a strip ended.
 struct Ended {
@@ -215,7 +218,8 @@ impl TearStroke {
         free.sort_unstable();
         free.dedup();
         free.retain(|&v| !is_start(v) && step.tags.contains(&OnLines { vertex: v, lines: line::START }));
-        let up = slit.corners[3] - slit.corners[0];
+        let c = slit.corners;
+        let (up, ahead) = (c[3] - c[0], c[1] + c[2] - c[0] - c[3]);
         for &from in &*missed {
             let a = tissue.position(from);
             let place = |v: VertexId| {
@@ -226,7 +230,16 @@ impl TearStroke {
             let Some(to) = free.iter().copied().min_by(|v, w| near(v).total_cmp(&near(w)).then(v.cmp(w))) else { break };
             let b = place(to);
             let is_near = a.distance(b) < up.length().min(MOST_JOINED * tissue.diagonal());
-            let Some(leaf) = Leaf::between(a, b, up, 2.0 * a.distance(b)).filter(|_| is_near) else { continue };
+            let way = b - a;
+            // Out of the skin, towards the handle, the leaf meets the skin all the way. Where the ends lie over each other the skin between
+            // them is behind the blade.
+            let stands = if up.cross(way).length() < ONE_OVER_OTHER * up.length() * way.length() {
+                -ahead * up.dot(way).signum()
+            } else {
+                let out = [from, to].map(|v| skin_normal(tissue, v, place)).iter().sum::<DVec3>();
+                out * out.dot(up).signum()
+            };
+            let Some(leaf) = Leaf::between(a, b, stands, 2.0 * way.length()).filter(|_| is_near) else { continue };
             free.retain(|&v| v != to);
             // what the strip itself has tagged is not on this leaf's lines
             std::mem::swap(&mut step.tags, tags);
@@ -270,6 +283,12 @@ pub(in crate::tissue) fn bind_slit(
     });
     tissue.versions.structure += 1;
     (update, strip)
+}
+
+/// The normal of the surface at a vertex (unit, or zero); `place` gives positions.
+fn skin_normal(tissue: &Tissue, v: VertexId, place: impl Fn(VertexId) -> DVec3) -> DVec3 {
+    let corners = tissue.mesh.fan(v).map(|h| tissue.mesh.face(h.face()).map(&place));
+    corners.map(|[p, q, r]| (q - p).cross(r - p)).sum::<DVec3>().normalize_or_zero()
 }
 
 /// Two points carried to rest space by the surface vertex nearest to the second.
