@@ -5,6 +5,12 @@ use super::ids::{FaceId, HalfEdge, VertexId};
 use super::mesh::Mesh;
 use glam::DVec3;
 
+/// Area-weighted outward normal of a live vertex (unit; zero where there is none), at positions that `position` gives.
+pub fn vertex_normal(mesh: &Mesh, v: VertexId, position: impl Fn(VertexId) -> DVec3) -> DVec3 {
+    let faces = mesh.fan(v).map(|h| mesh.face(h.face()).map(&position));
+    faces.map(|[a, b, c]| (b - a).cross(c - a)).sum::<DVec3>().normalize_or_zero()
+}
+
 /// What [`measure`] finds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measures {

@@ -7,6 +7,7 @@
 
 use super::{ENDS_KEPT, LipVertex, SegmentReport, TearStroke, nearest_vertex};
 use crate::diagnostics::Stages;
+use crate::geometry::measure::vertex_normal;
 use crate::geometry::{FaceId, VertexId};
 use crate::particles::MapUpdateReport;
 use crate::surgery::Slit;
@@ -236,7 +237,7 @@ impl TearStroke {
             let stands = if up.cross(way).length() < ONE_OVER_OTHER * up.length() * way.length() {
                 -ahead * up.dot(way).signum()
             } else {
-                let out = [from, to].map(|v| skin_normal(tissue, v, place)).iter().sum::<DVec3>();
+                let out = [from, to].map(|v| vertex_normal(&tissue.mesh, v, place)).iter().sum::<DVec3>();
                 out * out.dot(up).signum()
             };
             let Some(leaf) = Leaf::between(a, b, stands, 2.0 * way.length()).filter(|_| is_near) else { continue };
@@ -283,12 +284,6 @@ pub(in crate::tissue) fn bind_slit(
     });
     tissue.versions.structure += 1;
     (update, strip)
-}
-
-/// The normal of the surface at a vertex (unit, or zero); `place` gives positions.
-fn skin_normal(tissue: &Tissue, v: VertexId, place: impl Fn(VertexId) -> DVec3) -> DVec3 {
-    let corners = tissue.mesh.fan(v).map(|h| tissue.mesh.face(h.face()).map(&place));
-    corners.map(|[p, q, r]| (q - p).cross(r - p)).sum::<DVec3>().normalize_or_zero()
 }
 
 /// Two points carried to rest space by the surface vertex nearest to the second.

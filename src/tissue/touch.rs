@@ -1,6 +1,7 @@
 //! A tissue in the rigid world: where it stands, and what its skin touches (MATHS 4.4).
 
 use super::Tissue;
+use crate::geometry::measure::vertex_normal;
 use crate::geometry::{ParticleId, VertexId};
 use crate::physics::{BodyId, Contacts, RigidPose, RigidWorld, Skin};
 use glam::DVec3;
@@ -149,9 +150,9 @@ impl Tissue {
         let Self { mesh, rest, rows, pose, touch, .. } = self;
         if !same_structure {
             touch.rest_normals.clear();
-            touch
-                .rest_normals
-                .extend(layer.map.anchors.iter().map(|&a| if a.is_some() { normal(mesh, rest, a) } else { DVec3::ZERO }));
+            let normal = |a: VertexId| vertex_normal(mesh, a, |v| rest[v.index()]);
+            let normals = layer.map.anchors.iter().map(|&a| if a.is_some() { normal(a) } else { DVec3::ZERO });
+            touch.rest_normals.extend(normals);
         }
         touch.anchors.clear();
         touch.normals.clear();
@@ -213,13 +214,4 @@ impl Tissue {
         let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         points.iter_mut().for_each(|p| *p = middle + SHRUNK * (*p - middle));
     }
-}
-
-/// Area-weighted outward normal of a vertex at rest; zero where there is none.
-fn normal(mesh: &crate::geometry::Mesh, rest: &[DVec3], v: VertexId) -> DVec3 {
-    let area = |f: crate::geometry::FaceId| {
-        let [a, b, c] = mesh.face(f).map(|v| rest[v.index()]);
-        (b - a).cross(c - a)
-    };
-    mesh.fan(v).map(|h| area(h.face())).sum::<DVec3>().normalize_or_zero()
 }
