@@ -3,13 +3,13 @@
 
 mod common;
 
+use common::border_loops;
 use common::models::heart;
 use glam::DVec3;
 use incise::geometry::{HalfEdge, VertexId};
 use incise::scene::{EditCommand, Scene};
 use incise::surgery::BladePose;
 use incise::tissue::Tissue;
-use std::collections::BTreeMap;
 
 const STEP: f64 = 1.0 / 90.0;
 /// How far the hand has drawn the skin, metres.
@@ -119,18 +119,7 @@ fn redo_finds_held_tissue_where_undo_left_it() {
 
 /// Openings of the surface: a slit through both sheets of the heart's wall makes two, and one more for each thread of skin across it.
 fn openings(scene: &Scene) -> usize {
-    let mesh = only(scene).mesh();
-    let half_edges = mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
-    let mut next: BTreeMap<_, _> =
-        half_edges.filter(|h| mesh.opposite(*h).is_none()).map(|h| (mesh.from(h), mesh.to(h))).collect();
-    let mut count = 0;
-    while let Some((_, mut v)) = next.pop_first() {
-        while let Some(w) = next.remove(&v) {
-            v = w;
-        }
-        count += 1;
-    }
-    count
+    border_loops(only(scene).mesh())
 }
 
 #[test]

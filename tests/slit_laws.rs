@@ -2,8 +2,8 @@
 
 mod common;
 
-use common::Solid;
 use common::models::scene;
+use common::{Solid, border_loops};
 use glam::{DMat3, DQuat, DVec3};
 use incise::geometry::{FaceId, HalfEdge, VertexId};
 use incise::particles::random::draw;
@@ -69,18 +69,8 @@ fn check(before: &Solid, after: &Solid, leaves: &[Leaf], opened: usize) -> Resul
 }
 
 /// Borders: how many loops, and how many vertices lie on them.
-fn border_loops(solid: &Solid) -> (usize, usize) {
-    let open = solid.open_half_edges();
-    let mut left: Vec<HalfEdge> = open.clone();
-    let mut loops = 0;
-    while let Some(first) = left.pop() {
-        loops += 1;
-        let mut at = solid.mesh.to(first);
-        while let Some(i) = left.iter().position(|&h| solid.mesh.from(h) == at) {
-            at = solid.mesh.to(left.swap_remove(i));
-        }
-    }
-    (loops, open.len())
+fn borders(solid: &Solid) -> (usize, usize) {
+    (border_loops(&solid.mesh), solid.open_half_edges().len())
 }
 
 fn vec3(range: f64) -> impl Strategy<Value = DVec3> {
@@ -223,7 +213,7 @@ proptest! {
         let (leaves, opened) = open_path(&mut after, &slits);
         check(&before, &after, &leaves, opened)?;
         let chains = slits.last().map_or(0, |s| s.chain as usize + 1);
-        let (loops, edges) = border_loops(&after);
+        let (loops, edges) = borders(&after);
         prop_assert_eq!((loops, edges), (1, 2 * opened), "{} chains", chains);
         // an open chain of k edges becomes a loop of 2k: k - 1 vertices were doubled
         let doubled = after.mesh.live_vertices().count();
@@ -248,7 +238,7 @@ proptest! {
         let (leaves, opened) = open_path(&mut after, &slits);
         check(&before, &after, &leaves, opened)?;
         let sides = after.open_half_edges().iter().any(|&h| after.at(after.mesh.from(h)).y < 3.0 - 1e-9);
-        if !sides { prop_assert_eq!(border_loops(&after), (1, 2 * opened)); }
+        if !sides { prop_assert_eq!(borders(&after), (1, 2 * opened)); }
     }
 }
 

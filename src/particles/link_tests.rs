@@ -93,16 +93,21 @@ impl StripsAround {
         if !self.is_known {
             self.is_known = true;
             self.strips.clear();
-            // lips come in the order of their strips
-            let mut next = 0;
-            for lip in strips.lip_sides(v) {
-                let around = next.max(lip.strip.saturating_sub(1))..(lip.strip + 2).min(strips.len() as u32);
-                next = around.end.max(next);
-                self.strips.extend(around.map(|k| (k, strips.code_of(k as usize, rest, v))));
-            }
+            self.strips.extend(strips_around(strips, v).map(|k| (k, strips.code_of(k as usize, rest, v))));
         }
         &self.strips
     }
+}
+
+/// Strips that a vertex may know its side of: those that it is a lip of, and the strips before and after each. Oldest first, each once.
+fn strips_around(strips: &Strips, v: VertexId) -> impl Iterator<Item = u32> + '_ {
+    let mut next = 0;
+    // lips come in the order of their strips
+    strips.lip_sides(v).iter().flat_map(move |lip| {
+        let around = next.max(lip.strip.saturating_sub(1))..(lip.strip + 2).min(strips.len() as u32);
+        next = around.end.max(next);
+        around
+    })
 }
 
 /// The strips near one particle.
@@ -418,7 +423,7 @@ impl LinkTests {
         }
         if is_stale {
             lists.unlisted.empty(j.index());
-            for k in lips.iter().flat_map(|lip| lip.strip.saturating_sub(1)..(strips.len() as u32).min(lip.strip + 2)) {
+            for k in strips_around(strips, anchor) {
                 if lists.strips.get(j.index()).binary_search_by_key(&k, |s| s.0).is_err() {
                     lists.unlisted.push(j.index(), k);
                 }

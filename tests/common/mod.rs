@@ -102,9 +102,27 @@ impl Solid {
     }
 
     pub fn open_half_edges(&self) -> Vec<HalfEdge> {
-        let all = self.mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
-        all.filter(|&h| self.mesh.opposite(h).is_none()).collect()
+        open_half_edges(&self.mesh)
     }
+}
+
+pub fn open_half_edges(mesh: &Mesh) -> Vec<HalfEdge> {
+    let all = mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
+    all.filter(|&h| mesh.opposite(h).is_none()).collect()
+}
+
+/// Number of closed lines that the open edges make.
+pub fn border_loops(mesh: &Mesh) -> usize {
+    let mut left = open_half_edges(mesh);
+    let mut loops = 0;
+    while let Some(first) = left.pop() {
+        loops += 1;
+        let mut at = mesh.to(first);
+        while let Some(i) = left.iter().position(|&h| mesh.from(h) == at) {
+            at = mesh.to(left.swap_remove(i));
+        }
+    }
+    loops
 }
 
 /// True for a corner of walls and floors alone.

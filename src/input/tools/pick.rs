@@ -1,6 +1,7 @@
 //! What a ray from the eye meets: a bounding volume hierarchy over the surface as the user sees it.
 
-use crate::geometry::{FaceId, Mesh, Plane, VertexId};
+use crate::geometry::measure::vertex_normal;
+use crate::geometry::{FaceId, Mesh, Plane};
 use crate::physics::RigidPose;
 use crate::scene::{Scene, TissueId};
 use crate::tissue::{Tissue, Versions};
@@ -201,19 +202,11 @@ impl Pickable {
         let corners = mesh.face(face);
         let [a, b, c] = corners.map(|v| self.positions[v.index()]);
         let flat = (b - a).cross(c - a);
-        let smooth: DVec3 = corners.iter().zip(weights).map(|(&v, w)| self.normal(mesh, v) * w).sum();
+        let normal = |v| vertex_normal(mesh, v, |w| self.positions[w.index()]);
+        let smooth: DVec3 = corners.iter().zip(weights).map(|(&v, w)| normal(v) * w).sum();
         let normal = if smooth.dot(flat) > 0.0 { smooth.normalize() } else { flat.normalize_or(-ray.direction) };
         let point = a * weights[0] + b * weights[1] + c * weights[2];
         Some(Hit { tissue: self.id, face, weights, distance: nearest, point, normal, outside: flat.dot(ray.direction) < 0.0 })
-    }
-
-    /// Unit normal of a vertex: the area-weighted mean of its faces'.
-    fn normal(&self, mesh: &Mesh, v: VertexId) -> DVec3 {
-        let faces = mesh.fan(v).map(|h| {
-            let [a, b, c] = mesh.face(h.face()).map(|v| self.positions[v.index()]);
-            (b - a).cross(c - a)
-        });
-        faces.sum::<DVec3>().normalize_or_zero()
     }
 }
 
