@@ -196,6 +196,9 @@ impl Contacts {
 
     /// What one body catches.
     fn catch_by(&mut self, body: &Body, id: BodyId, radius: f64, grabbed: &impl Fn(ParticleId) -> bool) {
+        if is_crumb(body, radius) {
+            return;
+        }
         let (middle, reach) = body.solid.ball();
         let (from, to) = (body.before.point(middle), body.now.point(middle));
         let reach = reach + 2.0 * radius;
@@ -259,7 +262,7 @@ impl Contacts {
             let (Some(anchor), Some(body)) = (skin.anchors[index], world.body(contact.body)) else { continue };
             let normal = frame.direction(skin.normals[index]);
             let mut place = body.now.point(contact.local);
-            let others = || world.touching(own).filter(|(id, _)| *id != contact.body);
+            let others = || world.touching(own).filter(|(id, body)| *id != contact.body && !is_crumb(body, skin.radius));
             for _ in 0..SQUEEZE {
                 let mut moved = false;
                 for (id, other) in others() {
@@ -298,6 +301,12 @@ impl Contacts {
             }
         }
     }
+}
+
+/// True for a loose piece smaller than the collider spheres: shreds in a wound lie among the spheres of both its lips, which would be
+/// thrown apart by their own radius. Such a piece weighs nothing to the tissue; it lies on what the world has.
+fn is_crumb(body: &Body, radius: f64) -> bool {
+    body.is_loose() && body.solid.ball().1 < radius
 }
 
 /// How far a skin point with its collider sphere is from a solid, negative inside, and the way out. All in the solid's frame.

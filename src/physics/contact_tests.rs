@@ -237,3 +237,25 @@ fn the_same_contacts_give_the_same_bits() {
     };
     assert_eq!(run(), run());
 }
+
+/// The skins of a slit's two lips face each other. A shred that falls between them lies in the spheres under both.
+#[test]
+fn a_shred_in_a_wound_throws_nothing_apart() {
+    let fall = |radius: f64| {
+        let mut bench = Bench::new(NetworkSettings::SOFT);
+        for p in 0..121 {
+            let side = if p % 11 < 5 { DVec3::X } else { -DVec3::X };
+            bench.normals[p] = (side + 0.5 * DVec3::Y).normalize();
+        }
+        bench.world.add_ball(radius, 1e-5, at(-0.04, radius + 0.005, 0.05)).unwrap();
+        let mut most = 0.0f64;
+        for _ in 0..60 {
+            bench.step(FRAME);
+            most = most.max(bench.largest());
+        }
+        most
+    };
+    assert_eq!(fall(0.02), 0.0);
+    // Broken twin: what is as large as the spheres is felt.
+    assert!(fall(0.09) > 1e-4);
+}
