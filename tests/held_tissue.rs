@@ -8,7 +8,7 @@ use common::models::heart;
 use glam::DVec3;
 use incise::geometry::{HalfEdge, VertexId};
 use incise::scene::{EditCommand, Scene};
-use incise::surgery::BladePose;
+use incise::surgery::{BladePose, WallMode};
 use incise::tissue::Tissue;
 
 const STEP: f64 = 1.0 / 90.0;
@@ -176,4 +176,28 @@ fn two_hands_draw_a_slit_apart_without_a_flap() {
     let crooked = most_crooked(&scene);
     // 0.0015 where links of lips pass round the corners that the slit has at rest; what is left is at the slit's own ends
     assert!(crooked < 0.0013, "{crooked}");
+}
+
+/// A blade that goes round a point in the tissue of a beating heart, as one that cuts a cone out: all its boxes meet there, and walls that
+/// have moved since they were made are flat nowhere. Were they not thinned, each box would leave half as many faces again.
+#[test]
+fn a_cone_cut_out_of_a_beating_heart_stays_bounded() {
+    let mut scene = heart();
+    scene.set_wall(WallMode::Closed);
+    let before = only(&scene).mesh().face_count();
+    scene.edit(EditCommand::StrokeBegin { width: 0.0006 });
+    let skin = DVec3::new(0.0, 0.005, 0.0376);
+    let apex = skin - 0.007 * DVec3::Z;
+    for k in 0..=20 {
+        let (sin, cos) = (f64::from(k) * 0.15).sin_cos();
+        let way = (skin + 0.004 * DVec3::new(cos, sin, 0.0) - apex).normalize();
+        let pose = BladePose { t: f64::from(k) * STEP, tip: apex - 0.002 * way, base: apex + 0.07 * way };
+        scene.edit(EditCommand::StrokePose(pose));
+        settle(&mut scene, 2 * k, 2);
+    }
+    let report = scene.edit(EditCommand::StrokeEnd);
+    assert_ne!(report[0].outcome.as_str(), "missed");
+    let after: usize = scene.tissues().map(|(_, t)| t.mesh().face_count()).sum();
+    assert!(after > before + 200 && after < before + 5000, "{before} -> {after}");
+    assert!(scene.tissues().all(|(_, t)| border_loops(t.mesh()) == 0));
 }

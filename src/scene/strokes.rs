@@ -140,7 +140,7 @@ impl Scene {
             }
             let severed = report.stages.time("components", || {
                 let mut severed = before.new_components(tissue);
-                report.area_removed += tissue.drop_crumbs(&mut severed);
+                report.area_removed += tissue.drop_crumbs(&mut severed, stroke.shreds());
                 severed
             });
             if !severed.is_empty() {

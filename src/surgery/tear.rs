@@ -71,6 +71,8 @@ pub struct TearStep {
     pub widened_faces: Vec<FaceId>,
     /// Edges of the hole's rim that belong to no closed loop, and got no wall: the model was open there.
     pub unclosed_edges: usize,
+    /// Faces of older walls that the body cut or swallowed, but those it was told to (closed tears).
+    pub walls_cut: usize,
     /// Corners of the body (bits) that the walls go round though they were seen outside the solid.
     pub corners_outside: u8,
     /// Sine of the smallest angle of the faces put in; infinite without any.

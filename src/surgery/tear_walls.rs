@@ -3,7 +3,7 @@
 use super::boxes::Side;
 use super::insert::NewVertex;
 use super::tear::{Body, LipPoint, OnPlanes, TearScratch, TearStep, smallest_sine};
-use super::wall_thin::Thinner;
+use super::wall_thin::{Slack, Thinner};
 use super::walls::{Facets, RimEdge, WallPoint, Walls, facet_axes};
 use crate::geometry::{FaceId, FaceInfo, FxHashMap, HalfEdge, Mesh, NewFace, SectionId, SplitVertex, VertexId, Wedge, WedgeId};
 use glam::{DMat3, DVec3};
@@ -21,6 +21,8 @@ pub struct WallSpec<'a> {
     pub material: u32,
     /// What stored positions cannot tell apart, metres: old walls that the body cuts are thinned to it.
     pub grain: f64,
+    /// ... and those that tissue has bent since they were made to this.
+    pub bent: f64,
     /// Turns a normal of the pose into one at rest, up to its length.
     pub rest_from_posed: DMat3,
 }
@@ -42,8 +44,8 @@ pub(super) struct WallScratch {
     wedges: FxHashMap<u64, WedgeId>,
     faces: Vec<NewFace>,
     split: Vec<SplitVertex>,
-    /// The body cuts walls that are neither to go nor to be left alone.
-    cuts_walls: bool,
+    /// Faces of walls that the body cuts and that are neither to go nor to be left alone.
+    walls_cut: usize,
     thinner: Thinner,
     /// Scratch: the rim's vertices, sorted, and the sections of the faces across its edges.
     rim_vertices: Vec<VertexId>,
@@ -74,7 +76,7 @@ impl WallScratch {
     }
 
     pub(super) fn clear(&mut self) {
-        self.cuts_walls = false;
+        self.walls_cut = 0;
         self.rim.clear();
         self.borders.clear();
         self.bits.clear();
@@ -98,7 +100,7 @@ impl WallScratch {
     /// Before the faces are replaced: half-edges of faces that stay, along the hole.
     pub(super) fn note_surroundings(&mut self, mesh: &Mesh, removed: &[FaceId], spec: &WallSpec) {
         let is_old = |f: &FaceId| spec.remove.binary_search(f).is_err() && spec.keep.binary_search(f).is_err();
-        self.cuts_walls = removed.iter().any(|f| mesh.face_info(*f).is_interior() && is_old(f));
+        self.walls_cut = removed.iter().filter(|f| mesh.face_info(**f).is_interior() && is_old(f)).count();
         for h in removed.iter().flat_map(|&f| (0..3).map(move |k| HalfEdge::of(f, k))) {
             let back = mesh.opposite(h);
             if back.is_some() && removed.binary_search(&back.face()).is_err() {
@@ -175,7 +177,8 @@ impl TearScratch {
         for &split in &lining.split {
             self.note_split(split, out);
         }
-        if lining.cuts_walls {
+        out.walls_cut = lining.walls_cut;
+        if lining.walls_cut > 0 {
             self.thin(mesh, &mut lining, spec, position, out);
         }
         self.lining = lining;
@@ -205,7 +208,7 @@ impl TearScratch {
         };
         let first_new = out.new_vertices.first().map_or(mesh.vertex_slots(), |n| n.vertex.index());
         let at = |v: VertexId| v.index().checked_sub(first_new).map_or_else(|| position(v), |i| out.new_vertices[i].position);
-        thinner.thin(mesh, thinned, spec.grain, &at, &may);
+        thinner.thin(mesh, thinned, Slack { grain: spec.grain, bent: spec.bent }, &at, &may);
         out.walls.retain(|w| mesh.is_live(w.0));
         out.added_faces.retain(|&f| mesh.is_live(f));
         out.widened_faces.extend(lining.thinner.changed.iter().filter(|&&f| mesh.is_live(f)));

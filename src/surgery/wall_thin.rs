@@ -3,8 +3,9 @@
 //! A wall is a flat facet in triangles. A later box puts a vertex on every edge between two of them that it crosses, which the
 //! shape does not need; the next box crosses the edges that end there, and so on: vertices would grow by half with every box.
 //! And planes that nearly fall together meet in points that stored positions cannot tell apart. So a vertex with walls alone
-//! around it is collapsed into a neighbour where that changes no wall by more than the grain of positions. No vertex is
-//! moved, and none of the model's own surface goes.
+//! around it is collapsed into a neighbour where that changes no wall by more than the grain of positions; walls that tissue
+//! has bent since they were made are flat nowhere, and get a slack of their own. No vertex is moved, and none of the model's own
+//! surface goes.
 
 use crate::geometry::{FaceId, HalfEdge, Mesh, VertexId, Wedge, WedgeId};
 use glam::DVec3;
@@ -27,8 +28,23 @@ struct Spoke {
 struct Sector {
     /// Unit normal; zero where the faces are no wider than the grain.
     normal: DVec3,
-    /// No corner is farther off its plane than the grain.
-    is_flat: bool,
+    /// How far the corners are off its plane, metres; infinite without a normal.
+    off: f64,
+}
+
+/// What a collapse may change, metres.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Slack {
+    /// Of facets that are flat to within this.
+    pub grain: f64,
+    /// Of facets that the tissue has bent since they were made.
+    pub bent: f64,
+}
+
+impl Slack {
+    fn of(&self, sector: &Sector) -> f64 {
+        if sector.off <= self.grain { self.grain } else { self.bent }
+    }
 }
 
 /// Buffers, kept between steps.
@@ -57,13 +73,12 @@ impl Thinner {
         self.gone.reserve(edges);
     }
 
-    /// Collapses what it can of `vertices` and what is around them. `grain` in metres; `may` tells whether a vertex may go
-    /// into another.
+    /// Collapses what it can of `vertices` and what is around them; `may` tells whether a vertex may go into another.
     pub fn thin(
         &mut self,
         mesh: &mut Mesh,
         vertices: &mut Vec<VertexId>,
-        grain: f64,
+        slack: Slack,
         at: &impl Fn(VertexId) -> DVec3,
         may: &impl Fn(VertexId, VertexId) -> bool,
     ) {
@@ -74,7 +89,7 @@ impl Thinner {
             vertices.dedup();
             self.next.clear();
             for &v in vertices.iter() {
-                if self.look_around(mesh, v, grain, at) && self.collapse(mesh, v, grain, may) {
+                if self.look_around(mesh, v, slack.grain, at) && self.collapse(mesh, v, slack, may) {
                     self.gone.push(v);
                     self.next.extend(self.spokes.iter().map(|s| s.to));
                 }
@@ -126,10 +141,10 @@ impl Thinner {
         let corners = || faces().flat_map(|(p, q, _)| [p, q]);
         let reach = corners().map(DVec3::length).fold(0.0, f64::max);
         if across.length() <= grain * reach {
-            return Sector::default();
+            return Sector { normal: DVec3::ZERO, off: f64::INFINITY };
         }
         let normal = across.normalize_or_zero();
-        Sector { normal, is_flat: corners().all(|p| p.dot(normal).abs() <= grain) }
+        Sector { normal, off: corners().map(|p| p.dot(normal).abs()).fold(0.0, f64::max) }
     }
 
     /// The two far corners of each face around the vertex, and its sector.
@@ -139,12 +154,12 @@ impl Thinner {
     }
 
     /// Collapses `v`, the vertex looked at, into the neighbour that leaves the best shapes.
-    fn collapse(&mut self, mesh: &mut Mesh, v: VertexId, grain: f64, may: &impl Fn(VertexId, VertexId) -> bool) -> bool {
+    fn collapse(&mut self, mesh: &mut Mesh, v: VertexId, slack: Slack, may: &impl Fn(VertexId, VertexId) -> bool) -> bool {
         let n = self.spokes.len();
         let worst = self.faces().map(|(p, q, k)| shape(DVec3::ZERO, p, q, self.sectors[k].normal)).fold(THINNEST, f64::min);
         let mut targets = std::mem::take(&mut self.targets);
         targets.clear();
-        targets.extend((0..n).filter_map(|j| Some((self.worth(j, worst.max(0.0), grain)?, j))));
+        targets.extend((0..n).filter_map(|j| Some((self.worth(j, worst.max(0.0), slack)?, j))));
         targets.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         let found = targets.iter().map(|t| t.1).find(|&j| may(v, self.spokes[j].to) && self.keeps_manifold(mesh, j));
         self.targets = targets;
@@ -157,19 +172,20 @@ impl Thinner {
     }
 
     /// Worst shape of the faces that a collapse into spoke `j` leaves, if it is allowed.
-    fn worth(&self, j: usize, worst: f64, grain: f64) -> Option<f64> {
+    fn worth(&self, j: usize, worst: f64, slack: Slack) -> Option<f64> {
         let n = self.spokes.len();
         let u = self.spokes[j].at;
         let left = || self.faces().enumerate().filter(move |(i, _)| *i != j && (i + 1) % n != j).map(|f| f.1);
-        if u.length() <= grain {
-            // all within the grain, however the triangles turn in it
+        let widest = self.sectors.iter().map(|k| slack.of(k)).fold(slack.grain, f64::max);
+        if u.length() <= widest {
+            // all within the slack, however the triangles turn in it
             let turned =
-                |p: DVec3, q: DVec3, k: usize| (p - u).cross(q - u).dot(self.sectors[k].normal) < -grain * (q - p).length();
+                |p: DVec3, q: DVec3, k: usize| (p - u).cross(q - u).dot(self.sectors[k].normal) < -widest * (q - p).length();
             return left().all(|(p, q, k)| !turned(p, q, k)).then_some(f64::INFINITY);
         }
         // only inside a facet, or along an edge between two
         let [before, after] = [self.spokes[(j + n - 1) % n].sector, self.spokes[j].sector];
-        let held = |k: &Sector| k.is_flat && k.normal.dot(u).abs() <= grain;
+        let held = |k: &Sector| k.off <= slack.of(k) && k.normal.dot(u).abs() <= slack.of(k);
         if self.sectors.len() > 2 || (self.sectors.len() == 2 && before == after) || !self.sectors.iter().all(held) {
             return None;
         }

@@ -51,13 +51,14 @@ impl Tissue {
     }
 
     /// Takes crumbs out of `parts` (as for [`Tissue::sever`]) and out of the tissue: where a blade crosses its own slit, corners that
-    /// no stored position can tell apart may come off. Returns their surface, square metres.
-    pub fn drop_crumbs(&mut self, parts: &mut Vec<Vec<FaceId>>) -> f64 {
+    /// no stored position can tell apart may come off. Parts of walls alone that are smaller than `shreds` metres go, too. Returns
+    /// their surface, square metres.
+    pub fn drop_crumbs(&mut self, parts: &mut Vec<Vec<FaceId>>, shreds: f64) -> f64 {
         let least = (CRUMB * self.diagonal()).powi(2);
         let (mut gone, mut dropped, mut area_dropped) = (Vec::new(), false, 0.0);
         parts.retain(|faces| {
             let area = faces.iter().take(MOST_CRUMB_FACES).map(|&f| self.face_area(f)).sum::<f64>();
-            let is_crumb = faces.len() <= MOST_CRUMB_FACES && area < least;
+            let is_crumb = faces.len() <= MOST_CRUMB_FACES && (area < least || self.is_shred(faces, shreds));
             if is_crumb {
                 area_dropped += area;
                 if !std::mem::replace(&mut dropped, true) {
@@ -76,6 +77,17 @@ impl Tissue {
             self.versions.structure += 1;
         }
         area_dropped
+    }
+
+    /// True for walls alone that reach less far than `size` metres.
+    fn is_shred(&self, faces: &[FaceId], size: f64) -> bool {
+        if size == 0.0 || !faces.iter().all(|&f| self.mesh.face_info(f).is_interior()) {
+            return false;
+        }
+        let corners = || faces.iter().flat_map(|&f| self.mesh.face(f)).map(|v| self.position(v));
+        let low = corners().fold(DVec3::INFINITY, DVec3::min);
+        let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
+        (high - low).length() < size
     }
 
     fn face_area(&self, f: FaceId) -> f64 {

@@ -30,6 +30,12 @@ const FLAT_SIDE: f64 = 1e-9;
 /// What positions stored in f32 cannot tell apart, as a fraction of the diagonal.
 const GRAIN: f64 = 1e-7;
 
+/// What may be changed of walls that tissue has bent when they are cut again, in widths of the slit.
+const BENT: f64 = 1.0 / 32.0;
+
+/// Faces of old walls that a box may cut where the tissue has moved. Walls that lie through each other would be cut into more and more.
+const MOST_WALLS_CUT: usize = 300;
+
 /// Boxes that the next may go on from: the ends of two chains at a pivot, and what came before them.
 const ENDS_KEPT: usize = 4;
 
@@ -137,8 +143,9 @@ pub struct TearStroke {
     origins: Vec<u32>,
     lips: Vec<LipVertex>,
     removed: Vec<VertexId>,
-    /// The tissue has moved since the pending quads were tied.
+    /// The tissue has moved since the pending quads were tied, and since the stroke began.
     moved: bool,
+    has_moved: bool,
     wall: WallMode,
     /// As it was asked for, and how far boxes with walls keep from faces that they would touch, metres.
     width: f64,
@@ -178,6 +185,7 @@ impl TearStroke {
             lips: Vec::new(),
             removed: Vec::new(),
             moved: false,
+            has_moved: false,
             wall: WallMode::Open,
             width,
             clearance: CLEARANCE * tissue.diagonal(),
@@ -199,8 +207,17 @@ impl TearStroke {
         self.slits.begin();
         let (slit, first_strip) = tissue.layer().map_or((0, 0), |l| (l.strips.next_slit(), l.strips.len()));
         let (wall, clearance) = (self.wall, CLEARANCE * tissue.diagonal());
-        Self { stroke: self.stroke.again(width, sampling), slit, first_strip, moved: false, width, clearance, ..self }
-            .walled(wall)
+        Self {
+            stroke: self.stroke.again(width, sampling),
+            slit,
+            first_strip,
+            moved: false,
+            has_moved: false,
+            width,
+            clearance,
+            ..self
+        }
+        .walled(wall)
     }
 
     /// The same with walls and a floor, or without.
@@ -295,6 +312,12 @@ impl TearStroke {
         &self.reports
     }
 
+    /// Pieces of walls alone that come off and are smaller than this are shreds, metres: in tissue that moves the ends of boxes do not
+    /// quite meet, and what is left between them, thinner than the blade, is none of the model's.
+    pub(crate) fn shreds(&self) -> f64 {
+        if self.has_moved && self.wall == WallMode::Closed { self.width } else { 0.0 }
+    }
+
     /// True if anything was torn.
     pub fn has_torn(&self) -> bool {
         self.reports.iter().any(|r| r.new_vertices > 0 || r.opened_edges > 0 || r.area_removed > 0.0)
@@ -370,10 +393,13 @@ impl TearStroke {
         self.reports.push(report);
     }
 
-    /// True if walls stand in the air, up along the blade, or line folds of the skin.
+    /// True if walls stand in the air, up along the blade, or line folds of the skin, or old walls were cut to pieces.
     fn went_wrong(&mut self, tissue: &Tissue, planes: &BoxPlanes) -> bool {
         let reaches_back = self.wall == WallMode::Closed && planes.start == 0;
-        self.step.corners_outside & TOP != 0 || reaches_back && is_crumpled(tissue, &self.step.added_faces, &mut self.origins)
+        let too_many = self.has_moved && self.step.walls_cut > MOST_WALLS_CUT;
+        too_many
+            || self.step.corners_outside & TOP != 0
+            || reaches_back && is_crumpled(tissue, &self.step.added_faces, &mut self.origins)
     }
 
     /// Clips the box out of the mesh, and lines what that leaves. `before` and `tags` tell what the box before has left at the joint.
@@ -394,12 +420,15 @@ impl TearStroke {
         }
         let body = Body { planes: &planes.planes, sides: &planes.sides, min: low - margin, max: high + margin };
         let (at, seen) = (tear_box.blades[1][1], &self.positions);
+        let width = tear_box.quads[1][0].distance(tear_box.quads[1][1]);
+        let grain = (GRAIN * tissue.diagonal()).min(width / 16.0);
         let walls = is_closed.then(|| WallSpec {
             facets: &planes.facets,
             remove: &before.end_wall,
             keep: &before.other_walls,
             material,
-            grain: (GRAIN * tissue.diagonal()).min(tear_box.quads[1][0].distance(tear_box.quads[1][1]) / 16.0),
+            grain,
+            bent: if self.has_moved { BENT * width } else { grain },
             rest_from_posed: rest_from_posed(tissue, nearest_vertex(tissue, &self.candidates, at, &|v| seen.of(tissue, v))),
         });
         let (mesh, posed) = tissue.split_borrow();

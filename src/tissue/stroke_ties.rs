@@ -24,7 +24,7 @@ impl TearStroke {
                 if now != tie.posed[k] {
                     quad[k] += now - tie.posed[k];
                     tie.posed[k] = now;
-                    self.moved = true;
+                    (self.moved, self.has_moved) = (true, true);
                 }
             }
         }

@@ -72,8 +72,15 @@ pub fn tear(solid: &mut Solid, body: &Hexahedron, is_closed: bool) -> (bool, Tea
     let (mut out, mut scratch) = (TearStep::default(), TearScratch::default());
     let positions = solid.positions.clone();
     let at = |v: VertexId| positions[v.index()];
-    let walls =
-        WallSpec { facets: &body.facets, remove: &[], keep: &[], material: 0, grain: 0.0, rest_from_posed: DMat3::IDENTITY };
+    let walls = WallSpec {
+        facets: &body.facets,
+        remove: &[],
+        keep: &[],
+        material: 0,
+        grain: 0.0,
+        bent: 0.0,
+        rest_from_posed: DMat3::IDENTITY,
+    };
     let walls = is_closed.then_some(&walls);
     let hit = tear_step(&mut solid.mesh, &body.body(), walls, &candidates, &at, &[], &mut scratch, &mut out);
     append(solid, &out.new_vertices);
