@@ -4,7 +4,8 @@
 //! looked at. Where a known side stands in for geometry there is no shadow, and all that such an end links to is tested.
 
 use super::map_update::{Update, UpdateScratch};
-use super::strip_test::{Sight, StripGeometry};
+use super::sight::Sight;
+use super::strip_test::StripGeometry;
 use crate::geometry::room::fit;
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
@@ -77,7 +78,7 @@ impl Update<'_, '_> {
     /// Links across the strip before strip `k`, of old vertices that know their side of that one since they are lips of `k`: a blade that
     /// goes back through its own slit makes such.
     fn cut_by_new_sides(&mut self, k: usize) {
-        let Some(before) = k.checked_sub(1) else { return };
+        let Some(before) = self.strips.last_of(k) else { return };
         for lip in self.edit.lips.iter().filter(|l| l.strip == k) {
             let v = lip.vertex;
             if !self.strips.knows_side_by(before, k, v) || v.index() >= self.map.influences.rows() || !self.mesh.vertex_is_live(v)

@@ -4,7 +4,8 @@ use super::holders::{above, below};
 use super::lists::Lists;
 use super::particle_map::ParticleMap;
 use super::settings::ParticleSettings;
-use super::strip_test::{KnownSide, LipView, Sight, StripGeometry};
+use super::sight::Sight;
+use super::strip_test::{KnownSide, LipView, StripGeometry};
 use super::strips::{LipSide, Strips};
 use crate::geometry::room::{fit, with_headroom};
 use crate::geometry::{ParticleId, VertexId};
@@ -93,21 +94,18 @@ impl StripsAround {
         if !self.is_known {
             self.is_known = true;
             self.strips.clear();
-            self.strips.extend(strips_around(strips, v).map(|k| (k, strips.code_of(k as usize, rest, v))));
+            self.strips.extend(strips_around(strips, v).map(|k| (k, 0)));
+            self.strips.sort_unstable();
+            self.strips.dedup();
+            self.strips.iter_mut().for_each(|(k, code)| *code = strips.code_of(*k as usize, rest, v));
         }
         &self.strips
     }
 }
 
-/// Strips that a vertex may know its side of: those that it is a lip of, and the strips before and after each. Oldest first, each once.
+/// Strips that a vertex may know its side of: those that it is a lip of, and those that share an edge with one; some twice.
 fn strips_around(strips: &Strips, v: VertexId) -> impl Iterator<Item = u32> + '_ {
-    let mut next = 0;
-    // lips come in the order of their strips
-    strips.lip_sides(v).iter().flat_map(move |lip| {
-        let around = next.max(lip.strip.saturating_sub(1))..(lip.strip + 2).min(strips.len() as u32);
-        next = around.end.max(next);
-        around
-    })
+    strips.lip_sides(v).iter().flat_map(|lip| strips.around(lip.strip as usize)).map(|k| k as u32)
 }
 
 /// The strips near one particle.
@@ -423,7 +421,11 @@ impl LinkTests {
         }
         if is_stale {
             lists.unlisted.empty(j.index());
-            for k in strips_around(strips, anchor) {
+            found.clear();
+            found.extend(strips_around(strips, anchor));
+            found.sort_unstable();
+            found.dedup();
+            for &k in &*found {
                 if lists.strips.get(j.index()).binary_search_by_key(&k, |s| s.0).is_err() {
                     lists.unlisted.push(j.index(), k);
                 }

@@ -20,6 +20,8 @@ pub mod quality;
 pub mod random;
 mod reaches;
 pub mod settings;
+mod sight;
+mod slit_line;
 pub mod strip_test;
 pub mod strips;
 #[cfg(test)]

@@ -1,10 +1,12 @@
 //! Does a straight link cross a strip? Exact predicates on the two triangles of an extended strip (MATHS 3.2).
 
-use glam::{DVec3, Vec3A, Vec4};
+use super::sight::Sight;
+use glam::{DVec3, Vec4};
 use robust::{Coord3D, orient3d};
 use std::borrow::Borrow;
 
-/// A strip as it is tested: extended by `d` above the base and `d / 4` below the tip, cut along a fixed diagonal.
+/// A strip as it is tested: extended by `d` above the base and `d / 4` below the tip, or nearly to where the blades before and after meet,
+/// cut along a fixed diagonal.
 #[derive(Clone, Debug)]
 pub struct StripGeometry {
     /// `(tip0, tip1, base1)` and `(tip0, base1, base0)`, extended.
@@ -24,46 +26,6 @@ pub struct StripGeometry {
     pub high: DVec3,
     /// How far outside of the bounds a lip of a neighbouring strip may lie and still be known by its side, metres.
     pub margin: f64,
-}
-
-/// The directions in which a point sees a strip: a cone of four planes through the point, one a lane. A first look at many points.
-#[derive(Clone, Copy, Debug)]
-pub struct Sight {
-    from: DVec3,
-    /// Coordinates of the normals, which have unit length or, where a plane bounds nothing, none.
-    pub normals: [Vec4; 3],
-    slack: f32,
-}
-
-impl Sight {
-    /// A point that every direction counts for.
-    pub fn everywhere(from: DVec3) -> Self {
-        Self { from, normals: [Vec4::ZERO; 3], slack: 0.0 }
-    }
-
-    /// How far below the planes a point within `radius` of the one that looks may seem and be on them: a thousand roundings.
-    #[inline]
-    pub fn slack(radius: f64) -> f32 {
-        (-1e-4 * radius) as f32
-    }
-
-    /// False only if no link from the point to `p`, within its radius, can meet the strip. Says nothing where a known side stands
-    /// in for geometry.
-    #[inline]
-    pub fn may_meet(&self, p: DVec3) -> bool {
-        let ([x, y, z], d) = (self.normals, (p - self.from).as_vec3());
-        (x * d.x + y * d.y + z * d.z).cmpge(Vec4::splat(self.slack)).all()
-    }
-
-    /// [`Sight::may_meet`] for any point of a box.
-    pub fn may_meet_box(&self, low: Vec3A, high: Vec3A) -> bool {
-        let ([x, y, z], from) = (self.normals, self.from.as_vec3a());
-        let (d, half) = (0.5 * (low + high) - from, 0.5 * (high - low));
-        let most = x * d.x + y * d.y + z * d.z + (x.abs() * half.x + y.abs() * half.y + z.abs() * half.z);
-        // roundings of places are those of the box's and the point's own size
-        let doubt = 1e-6 * (low.abs().max(high.abs()) + from.abs()).element_sum();
-        most.cmpge(Vec4::splat(self.slack - doubt)).all()
-    }
 }
 
 /// One end of a link: where it is, and the side it is known to be on for lip vertices.
@@ -106,17 +68,24 @@ enum LipTest {
     Mirrored(DVec3),
 }
 
+/// Where the blades before and after lean towards each other, a strip is extended by no more than this share of the way to where they
+/// meet: beyond, it would be turned over, and its sides with it.
+const MOST_OF_WAY: f64 = 0.9;
+
 /// Heights of lips over their strips at rest, as a share of the strip's size, that come from rounding.
 const ROUNDED: f64 = 1e-5;
 
 impl StripGeometry {
     /// From the corners `(tip0, tip1, base1, base0)` and the extension `d`.
     pub fn new([tip0, tip1, base1, base0]: [DVec3; 4], d: f64) -> Self {
-        let extend = |tip: DVec3, base: DVec3| {
-            let up = (base - tip).normalize_or_zero();
-            (tip - up * (0.25 * d), base + up * d)
-        };
-        let ((tip0, base0), (tip1, base1)) = (extend(tip0, base0), extend(tip1, base1));
+        let ups = [base0 - tip0, base1 - tip1].map(DVec3::normalize_or_zero);
+        let (opening, travel) = (ups[1] - ups[0], tip1 - tip0 + base1 - base0);
+        let [up, down] = [(base1 - base0, opening, d), (tip1 - tip0, -opening, 0.25 * d)].map(|(edge, widens, most)| {
+            let (edge, narrows) = (edge.dot(travel), -widens.dot(travel));
+            if edge > 0.0 && narrows > 0.0 { most.min(MOST_OF_WAY * edge / narrows) } else { most }
+        });
+        let (tip0, tip1) = (tip0 - ups[0] * down, tip1 - ups[1] * down);
+        let (base0, base1) = (base0 + ups[0] * up, base1 + ups[1] * up);
         let triangles = [[tip0, tip1, base1], [tip0, base1, base0]];
         let normals = triangles.map(|[p, q, s]| (q - p).cross(s - p));
         let corners = [tip0, tip1, base1, base0];
@@ -433,6 +402,31 @@ mod tests {
     /// A strip in the plane y = 0 from x = 0 to 1, tip at z = -1, base at z = 0; side +1 is towards -y.
     fn strip(d: f64) -> StripGeometry {
         StripGeometry::new([DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, -1.0), DVec3::new(1.0, 0.0, 0.0), DVec3::ZERO], d)
+    }
+
+    /// Blades that meet a little below the tip or above the base, as round the tip of a cone: the strip ends before, and has one side.
+    #[test]
+    fn blades_that_meet_leave_a_strip_its_sides() {
+        let (low, high) = (-1.0, 0.0);
+        for meet in [-1.1, -1.01, 0.1, 0.7] {
+            let at = |x: f64, z: f64| DVec3::new(x * (z - meet), 0.0, z);
+            let ends = [(0.1, low), (-0.1, low), (-0.1, high), (0.1, high)];
+            let corners = ends.map(|(x, z)| at(x, z));
+            let (strip, bare) = (StripGeometry::new(corners, 0.8), StripGeometry::new(corners, 0.0));
+            assert!(strip.normals[0].dot(strip.normals[1]) > 0.0 && strip.normal().dot(bare.normal()) > 0.99, "{meet}");
+            let (below, above) = (meet < low, meet > high);
+            // towards where they meet it ends there, the other way as far as ever
+            let reach = [strip.low.z, strip.high.z];
+            assert!(if below { reach[0] > meet } else { reach[0] < -1.19 }, "{meet}: {reach:?}");
+            assert!(if above { reach[1] < meet } else { reach[1] > 0.79 }, "{meet}: {reach:?}");
+            let off = DVec3::new(0.0, 0.05, 0.0);
+            for z in [-0.9, -0.5, -0.1] {
+                let p = at(0.0, z);
+                let sides = [off, -off].map(|d| strip.side_near(p + d));
+                assert_eq!(sides, [off, -off].map(|d| bare.side_over(p + d)), "{meet} {z}");
+                assert!(strip.crosses(p + off, p - off) && !strip.crosses(p + off, at(0.05, z) + off));
+            }
+        }
     }
 
     #[test]

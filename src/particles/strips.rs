@@ -7,6 +7,8 @@ use super::holders::VertexSet;
 use super::particle_map::ParticleMap;
 use super::places::Places;
 use super::settings::ParticleSettings;
+use super::slit_line::Along;
+pub use super::slit_line::Strip;
 use super::strip_test::{KnownSide, LinkEnd, LipView, StripGeometry};
 use crate::geometry::room::{headroom, rows_headroom, with_headroom};
 use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
@@ -20,21 +22,6 @@ use thiserror::Error;
 const STROKES_ROOM: usize = 512;
 /// Strips that a vertex is a lip of, as many as there is room for at first.
 const LIPS_ROOM: usize = 32;
-
-/// One strip: the quad that the blade swept between two samples, in rest space.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct Strip {
-    /// `tip0, tip1, base1, base0`, metres: the blade at the earlier sample is `tip0 - base0`, at the later `tip1 - base1`.
-    /// Not extended.
-    pub corners: [[f64; 3]; 4],
-    /// Radius of influence `d` when the strip was made: it is tested extended by `d` above the base, `d / 4` below the tip.
-    pub reach: f64,
-    /// The slit it belongs to. Strips of a slit follow one another; each shares an edge with the one before it.
-    pub slit: u32,
-    /// Zero; keeps the layout explicit.
-    pub padding: u32,
-}
 
 /// Which side of a strip a lip vertex is on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -89,17 +76,6 @@ pub struct Strips {
     row: Vec<LipSide>,
     /// Derived from mesh and particle map by the updates; not hashed.
     pub(super) places: Places,
-}
-
-/// Where a strip lies in its slit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Along {
-    /// First strip of the slit.
-    start: usize,
-    /// Length of the slit before this strip, metres.
-    before: f64,
-    /// Its own length: the mean of its tip edge and its base edge, metres.
-    length: f64,
 }
 
 /// What an edit changed in [`Strips`].
@@ -174,10 +150,15 @@ impl Strips {
     /// Adds the strip `(tip0, tip1, base1, base0)` in rest space and returns its index. `reach` is the radius of
     /// influence `d`; `slit` is the last strip's where this one goes on from it, else [`Strips::next_slit`].
     pub fn push(&mut self, corners: [DVec3; 4], reach: f64, slit: u32) -> Result<usize, StripError> {
+        self.push_strip(corners, reach, slit, false)
+    }
+
+    /// [`Strips::push`] of a strip that may run beside the line of its slit: see [`Strip::beside`].
+    pub fn push_strip(&mut self, corners: [DVec3; 4], reach: f64, slit: u32, beside: bool) -> Result<usize, StripError> {
         if !corners.iter().all(|c| c.is_finite()) || !reach.is_finite() || reach < 0.0 {
             return Err(StripError::NotFinite);
         }
-        let index = self.strips.push(Strip { corners: corners.map(|c| c.to_array()), reach, slit, padding: 0 });
+        let index = self.strips.push(Strip { corners: corners.map(|c| c.to_array()), reach, slit, beside: u32::from(beside) });
         self.derive();
         Ok(index)
     }
@@ -206,7 +187,7 @@ impl Strips {
 
     /// Vertices that may know their side of strip `k`: lips of it and of the strips before and after it, and some that are none.
     pub(super) fn lips_near(&self, k: usize) -> impl Iterator<Item = &VertexId> {
-        (k.saturating_sub(1)..k + 2).flat_map(|strip| self.lips_of(strip))
+        self.around(k).flat_map(|strip| self.lips_of(strip))
     }
 
     /// Vertices that are or once were lips of strip `k`.
@@ -244,10 +225,7 @@ impl Strips {
         }
         // A known side may stand against geometry, so those strips are tested wherever the segment lies.
         let known = self.lip_sides(a).iter().chain(self.lip_sides(b));
-        let last = self.len();
-        known
-            .flat_map(|l| (l.strip as usize).saturating_sub(1)..(l.strip as usize + 2).min(last))
-            .any(|k| self.crosses(k, rest, a, b) && is_enough(k));
+        known.flat_map(|l| self.around(l.strip as usize)).any(|k| self.crosses(k, rest, a, b) && is_enough(k));
     }
 
     /// True if the link between two vertices crosses strip `k`.
@@ -305,12 +283,20 @@ impl Strips {
         if sides.is_empty() {
             return None;
         }
-        sides.iter().find(|l| l.strip as usize == k).or_else(|| {
-            sides.iter().find(|l| {
-                let m = l.strip as usize;
-                m.abs_diff(k) == 1 && m < self.len() && self.strips[m].slit == self.strips[k].slit
-            })
-        })
+        let by = |m: usize| sides.iter().find(|l| l.strip as usize == m);
+        let Along { last, next, .. } = self.along[k];
+        by(k).or_else(|| last.and_then(by)).or_else(|| next.and_then(by))
+    }
+
+    /// The strip that strip `k` goes on from, if there is one: they share an edge.
+    pub(super) fn last_of(&self, k: usize) -> Option<usize> {
+        self.along[k].last
+    }
+
+    /// Strip `k` and those that share an edge with it, in the order of the blade.
+    pub(super) fn around(&self, k: usize) -> impl Iterator<Item = usize> + use<> {
+        let Along { last, next, .. } = self.along[k];
+        [last, Some(k), next].into_iter().flatten()
     }
 
     /// The extended geometry of strip `k`.
@@ -469,17 +455,16 @@ impl Strips {
         }
         self.geometry.truncate(self.len());
         self.along.truncate(self.len());
+        let len = self.len();
+        self.along.iter_mut().for_each(|a| a.next = a.next.filter(|&k| k < len));
         for k in self.geometry.len()..self.len() {
             let strip = &self.strips[k];
             let geometry = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
             self.bvh.insert(aabb(geometry.low, geometry.high), k as u32);
             self.largest_margin = self.largest_margin.max(geometry.margin);
             self.geometry.push(geometry);
-            let [tip0, tip1, base1, base0] = strip.corners.map(DVec3::from_array);
-            let length = 0.5 * (tip0.distance(tip1) + base0.distance(base1));
-            let last = k.checked_sub(1).filter(|&i| self.strips[i].slit == strip.slit).map(|i| self.along[i]);
-            let (start, before) = last.map_or((k, 0.0), |a| (a.start, a.before + a.length));
-            self.along.push(Along { start, before, length });
+            let along = Along::new(&self.strips, &mut self.along, k);
+            self.along.push(along);
         }
     }
 }
@@ -494,101 +479,5 @@ fn aabb(low: DVec3, high: DVec3) -> Aabb {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::particles::test_models::noise;
-
-    fn quad(x0: f64, x1: f64) -> [DVec3; 4] {
-        [DVec3::new(x0, 0.0, -1.0), DVec3::new(x1, 0.0, -1.0), DVec3::new(x1, 0.0, 0.0), DVec3::new(x0, 0.0, 0.0)]
-    }
-
-    fn hash(strips: &Strips) -> u64 {
-        let mut hash = StateHash::default();
-        strips.hash_into(&mut hash);
-        hash.finish()
-    }
-
-    #[test]
-    fn no_gap_between_consecutive_strips() {
-        let mut strips = Strips::default();
-        for i in 0..7 {
-            strips.push(quad(f64::from(i) * 0.1, f64::from(i + 1) * 0.1), 0.2, 0).unwrap();
-        }
-        for i in 0..500 {
-            let x = 0.7 * noise(i);
-            let joint = 0.1 * (i % 7) as f64;
-            for x in [x, joint] {
-                assert!(!strips.connects(DVec3::new(x, -0.1, -0.5), DVec3::new(x, 0.1, -0.5)));
-            }
-        }
-        assert!(strips.connects(DVec3::new(0.8, -0.1, -0.5), DVec3::new(0.8, 0.1, -0.5)));
-        assert_eq!(strips.slit_start(6), 0);
-    }
-
-    #[test]
-    fn the_tree_finds_what_a_scan_finds() {
-        let mut strips = Strips::default();
-        let random = |i: u64| DVec3::new(noise(3 * i), noise(3 * i + 1), noise(3 * i + 2));
-        for i in 0..60 {
-            let (a, b, up) = (random(10 * i), random(10 * i + 1), random(10 * i + 2) * 0.3);
-            let b = a + (b - a) * 0.2;
-            strips.push([a, b, b + up, a + up], 0.05, i as u32).unwrap();
-        }
-        let mut crossed = 0;
-        for i in 0..400 {
-            let (a, b) = (random(1000 + 2 * i), random(1001 + 2 * i));
-            let b = a + (b - a) * 0.4;
-            let scan = (0..strips.len()).any(|k| strips.geometry(k).crosses(a, b));
-            assert_eq!(strips.connects(a, b), !scan);
-            crossed += usize::from(scan);
-        }
-        assert!((20..380).contains(&crossed), "{crossed}");
-    }
-
-    #[test]
-    fn undo_takes_strips_lips_and_the_tree_back() {
-        let mut strips = Strips::default();
-        strips.push(quad(0.0, 0.1), 0.2, 0).unwrap();
-        strips.set_lip(VertexId(3), 0, 1);
-        strips.take_delta();
-        let before = hash(&strips);
-        strips.push(quad(0.1, 0.2), 0.2, 0).unwrap();
-        strips.set_lip(VertexId(3), 1, 1);
-        strips.set_lip(VertexId(9), 1, -1);
-        let after = hash(&strips);
-        let delta = strips.take_delta();
-        let link = (DVec3::new(0.15, -0.1, -0.5), DVec3::new(0.15, 0.1, -0.5));
-        assert!(!strips.connects(link.0, link.1));
-        let redo = strips.apply_delta(delta);
-        assert!(hash(&strips) == before && before != after);
-        assert!(strips.connects(link.0, link.1));
-        strips.validate().unwrap();
-        strips.apply_delta(redo);
-        assert_eq!(hash(&strips), after);
-        strips.validate().unwrap();
-        assert_eq!(strips.lip_sides(VertexId(3)).len(), 2);
-    }
-
-    #[test]
-    fn bad_strips_are_refused_and_bad_states_found() {
-        let mut strips = Strips::default();
-        let mut bad = quad(0.0, 1.0);
-        bad[2].y = f64::NAN;
-        assert_eq!(strips.push(bad, 0.1, 0), Err(StripError::NotFinite));
-        assert_eq!(strips.push(quad(0.0, 1.0), -1.0, 0), Err(StripError::NotFinite));
-        strips.push(quad(0.0, 1.0), 0.1, 0).unwrap();
-        strips.validate().unwrap();
-        let good = strips.clone();
-        strips.set_lip(VertexId(0), 5, 1);
-        assert!(strips.validate().unwrap_err().contains("lip"));
-        let mut strips = good.clone();
-        strips.wounds.push(WoundMark { particle: ParticleId(0), strip: 4, along: 0.0, side: 1, padding: 0 });
-        assert!(strips.validate().unwrap_err().contains("wound"));
-        let mut strips = good.clone();
-        strips.geometry.clear();
-        assert!(strips.validate().unwrap_err().contains("stale"));
-        let mut strips = good;
-        strips.bvh.remove(0);
-        assert!(strips.validate().unwrap_err().contains("tree"));
-    }
-}
+#[path = "strips_tests.rs"]
+mod tests;

@@ -8,7 +8,6 @@
 use super::strips::Strips;
 use crate::geometry::{Mesh, VertexId};
 use glam::DVec3;
-use std::ops::Range;
 
 /// Slits that may lie between two vertices for a pull to go round them.
 const MOST_SLITS: usize = 4;
@@ -55,9 +54,9 @@ impl WaysRound {
             let first = self.ends.len();
             self.met.clear();
             for k in start..end {
-                let near = (k.saturating_sub(1).max(start) as u32)..(k + 2).min(end) as u32;
+                let near = || strips.around(k);
                 for v in strips.live_lips(mesh, k) {
-                    let met = self.meeting((mesh, strips, rest), v, &near, spacing);
+                    let met = self.meeting((mesh, strips, rest), v, near, spacing);
                     self.met.extend(met);
                 }
             }
@@ -76,14 +75,14 @@ impl WaysRound {
 
     /// The shortest way from a vertex on the positive lip to one on the negative lip of one of the strips `near`, over vertices on neither:
     /// its edges and its middle.
-    fn meeting(
+    fn meeting<I: Iterator<Item = usize>>(
         &mut self,
         (mesh, strips, rest): Torn<'_>,
         from: VertexId,
-        near: &Range<u32>,
+        near: impl Fn() -> I,
         spacing: f64,
     ) -> Option<(usize, DVec3)> {
-        let lip = |v: VertexId| strips.lip_sides(v).iter().find(|l| near.contains(&l.strip)).map_or(0, |l| l.side);
+        let lip = |v: VertexId| strips.lip_sides(v).iter().find(|l| near().any(|k| k == l.strip as usize)).map_or(0, |l| l.side);
         if lip(from) <= 0 {
             return None;
         }

@@ -9,7 +9,7 @@ use super::map_report::MapUpdateReport;
 use super::map_update::{LipVertex, MapEdit, Update, UpdateScratch};
 use super::particle_map::ParticleMap;
 use super::settings::{ParticleSettings, WoundSettings};
-use super::strips::{Strips, WoundMark};
+use super::strips::{LipSide, Strips, WoundMark};
 use crate::geometry::{HalfEdge, Mesh, ParticleId, VertexId};
 use glam::DVec3;
 
@@ -55,11 +55,15 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
         let slit = update.strips.as_slice()[k].slit;
         let mut room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
         while k < strips.end && update.strips.as_slice()[k].slit == slit {
+            if update.strips.as_slice()[k].is_beside() {
+                k += 1;
+                continue;
+            }
             let end = offset + update.strips.stretch(k).1;
             let lips = stretch_of_lips(update, k);
             // Places at multiples of the spacing from the slit's start, whatever the strips' lengths: the first holds that end shut,
             // if it is one.
-            let is_open = k == start && !lips_meet(update, (k, lips), false);
+            let is_open = offset == 0.0 && !lips_meet(update, (k, lips), false);
             let first = (offset / wound.spacing).ceil().max(if is_open { 1.0 } else { 0.0 });
             let places = (0..room).map(|i| (first + i as f64) * wound.spacing).take_while(|&s| s < end);
             for place in places {
@@ -87,8 +91,8 @@ fn lips_meet(update: &mut Update<'_, '_>, (k, (first, last)): (usize, (f64, f64)
     let ahead = if at_end { -1.0 } else { 1.0 };
     let place = |v: VertexId| share_along(strips, k, rest[v.index()]) * ahead;
     let Some(from) = lips.map(|l| l.vertex).min_by(|a, b| place(*a).total_cmp(&place(*b)).then(a.cmp(b))) else { return false };
-    let near = k.saturating_sub(1).max(strips.slit_start(k)) as u32..k as u32 + 2;
-    let side = |v: VertexId| strips.lip_sides(v).iter().find(|l| near.contains(&l.strip)).map_or(0, |l| l.side);
+    let near = |l: &&LipSide| strips.around(k).any(|m| m == l.strip as usize);
+    let side = |v: VertexId| strips.lip_sides(v).iter().find(near).map_or(0, |l| l.side);
     // the way round the other end of a short strip is none
     let is_near = |v: VertexId| {
         rest[v.index()].distance(rest[from.index()]) < settings.wound.spacing && place(v) <= 0.5 * (first + last) * ahead
@@ -203,7 +207,8 @@ pub fn release_slit(
     let Some(last) = strips.len().checked_sub(1) else { return MapUpdateReport::default() };
     let (start, wound) = (strips.slit_start(last), settings.wound);
     // where the blade went on in the air there are none
-    let end = (start..=last).rev().find(|&k| lips_of(strips, mesh, k).next().is_some()).unwrap_or(last);
+    let has_lips = |&k: &usize| !strips.as_slice()[k].is_beside() && lips_of(strips, mesh, k).next().is_some();
+    let end = (start..=last).rev().find(has_lips).unwrap_or(last);
     let mut lips = std::mem::take(&mut scratch.lips);
     lips.clear();
     lips.extend(lips_of(strips, mesh, end));

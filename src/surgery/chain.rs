@@ -79,7 +79,7 @@ impl ChainBuilder {
     /// none was moved. The list changes with every push.
     pub fn pending_quads_mut(&mut self) -> impl Iterator<Item = (u32, &mut [DVec3; 4])> {
         let last = self.last.as_mut().map(|blade| (blade.serial, &mut blade.quad));
-        self.lanes.iter_mut().map(Lane::start_quad_mut).chain(last)
+        self.lanes.iter_mut().flat_map(Lane::start_quads_mut).chain(last)
     }
 
     /// The joints at which the last boxes ended, while their chains may still go on from them (their end walls are provisional):
@@ -91,6 +91,11 @@ impl ChainBuilder {
     /// The chains that may still go on.
     pub fn open_chains(&self) -> impl Iterator<Item = u32> {
         self.lanes.iter().filter_map(Lane::chain)
+    }
+
+    /// True while one chain is cut and nothing beside it.
+    pub fn is_alone(&self) -> bool {
+        self.lanes.iter().map(|lane| usize::from(lane.chain().is_some()) + usize::from(lane.has_hub())).sum::<usize>() <= 1
     }
 
     /// Lifts the top of the newest pending sample by `amount` metres in all, as far as the blade goes.

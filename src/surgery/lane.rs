@@ -7,6 +7,7 @@ use super::blade_path::Sampling;
 use super::boxes::{
     Grid, HalfSpace, Hull, JointFrame, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, boxes_apart, hull,
 };
+use super::hub::Hub;
 use super::path_sampler::reject;
 use glam::DVec3;
 
@@ -72,6 +73,7 @@ pub(super) struct Lane {
     dropped: u32,
     chain: u32,
     kept: Vec<KeptBox>,
+    hub: Hub,
 }
 
 /// What the boxes of a stroke have in common, and its counts.
@@ -164,7 +166,7 @@ impl Lane {
     /// A new chain that starts at `first`. `part` is what it is of the blade that comes next.
     pub(super) fn new(first: Blade, part: Part, maker: &mut Maker) -> Self {
         let kept = maker.spare.pop().unwrap_or_else(|| Vec::with_capacity(ROOM));
-        Self { start: Start::Fresh(first), part, dropped: 0, chain: 0, kept }
+        Self { start: Start::Fresh(first), part, dropped: 0, chain: 0, kept, hub: Hub::default() }
     }
 
     /// The joint at which the last box ended.
@@ -180,15 +182,22 @@ impl Lane {
         self.kept.last().map(|k| k.0.chain)
     }
 
-    /// The quad where the next box starts, and the serial number of its sample.
-    pub(super) fn start_quad_mut(&mut self) -> (u32, &mut [DVec3; 4]) {
-        match &mut self.start {
+    /// The quads where the next boxes start, and the serial numbers of their samples.
+    pub(super) fn start_quads_mut(&mut self) -> impl Iterator<Item = (u32, &mut [DVec3; 4])> {
+        let start = match &mut self.start {
             Start::Fresh(blade) => (blade.serial, &mut blade.quad),
             Start::Joint(joint) => (joint.serial, &mut joint.quad),
-        }
+        };
+        std::iter::once(start).chain(self.hub.start_quad_mut())
+    }
+
+    /// True while boxes of a cone's tip are to come beside it.
+    pub(super) fn has_hub(&self) -> bool {
+        self.hub.is_open()
     }
 
     pub(super) fn settle(&mut self, grid: Grid) {
+        self.hub.settle(grid);
         match &mut self.start {
             Start::Fresh(blade) => blade.settle(grid),
             Start::Joint(j) => {
@@ -204,21 +213,28 @@ impl Lane {
     /// the lane's part of the blade on its way from `last` to `next`.
     pub(super) fn step(&mut self, last: &Blade, next: &Blade, on: [Part; 2], maker: &mut Maker, out: &mut Vec<TearSegment>) {
         let part = self.part.meet(on[0]);
-        let end = maker.part(last, part);
-        let begin = if part == on[0] { end } else { maker.part(last, on[0]) };
-        let outgoing = direction(&begin, &maker.part(next, on[1]), &end);
+        let inset = self.hub.inset;
+        let end = maker.part(last, part.inset(inset));
+        let begin = if part == on[0] { end } else { maker.part(last, on[0].inset(inset)) };
+        let outgoing = direction(&begin, &maker.part(next, on[1].inset(inset)), &end);
         let incoming = direction(&self.start.blade(), &end, &end);
         if incoming.dot(outgoing) < SHARPEST_TURN_COSINE {
             self.close_at(&end, part, maker, out);
+            self.hub.step(last, part, true, maker, out);
             self.begin(begin);
+            self.hub.go_on_from(last, on[0], maker);
         } else if part == Part::WHOLE {
             self.go_on(&end, begin, incoming, outgoing, maker, out);
         } else if let Some(joint) = self.build(self.start, &end, incoming, outgoing, maker, out) {
             (self.start, self.dropped) = (Start::Joint(joint), 0);
+            self.hub.step(last, part, false, maker, out);
         } else {
             // beside a pivot a dropped sample would leave much uncut
+            let turns = self.turns(&end, incoming, outgoing);
             self.close_at(&end, part, maker, out);
-            self.begin(begin);
+            self.hub.step(last, part, true, maker, out);
+            self.hub.begin(last, on[0], turns, maker);
+            self.begin(maker.part(last, on[0].inset(self.hub.inset)));
         }
         self.part = on[1];
     }
@@ -256,10 +272,23 @@ impl Lane {
         }
     }
 
+    /// How far the blade turns from the start to the joint at `end`, and the way across it: lengths of differences of unit vectors. A
+    /// start perpendicular to the way has half the turn of one that is between two.
+    fn turns(&self, end: &Blade, incoming: DVec3, outgoing: DVec3) -> [f64; 2] {
+        let across = |up: DVec3, way: DVec3| up.cross(reject(way, up)).normalize_or_zero();
+        let (start, times) = match &self.start {
+            Start::Fresh(blade) => (across(blade.up(), direction(blade, end, blade)), 2.0),
+            Start::Joint(joint) => (joint.frame.half.normalize_or_zero(), 1.0),
+        };
+        let turned = start.distance(across(end.up(), incoming + outgoing));
+        [self.start.blade().up().distance(end.up()), times * turned]
+    }
+
     /// Ends the chain at the newest sample, perpendicular to the travel.
     pub(super) fn close(mut self, last: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) {
-        let end = maker.part(last, self.part);
+        let end = maker.part(last, self.part.inset(self.hub.inset));
         self.close_at(&end, self.part, maker, out);
+        self.hub.step(last, self.part, true, maker, out);
         self.kept.clear();
         maker.spare.push(self.kept);
     }
@@ -375,6 +404,22 @@ impl Maker {
         let (tip, top) = (at(part.low, blade.tip), at(part.high, blade.top));
         self.next_serial += 1;
         Blade { serial: self.next_serial - 1, tip, top, quad: [tip, tip, top, top], ..*blade }
+    }
+
+    /// A box of its own between two blades, perpendicular to its way at both ends and of this share of the width; nothing if it is not
+    /// valid.
+    pub(super) fn push_alone(&mut self, [start, end]: [&Blade; 2], share: f64, out: &mut Vec<TearSegment>) {
+        let joint = |blade: &Blade| {
+            let way = direction(start, end, blade);
+            self.joint(blade, way, way)
+                .map(|j| Joint { frame: JointFrame { half: self.grid.snap(j.frame.half * share), ..j.frame }, ..j })
+        };
+        let Some((start, end)) = joint(start).zip(joint(end)) else { return };
+        let Some(hull) = hull(&start.frame, &end.frame) else { return };
+        let ids = [self.joint_ids(), self.joint_ids()];
+        let made = self.assemble(&start, &end, ids[0], ids[1], &hull);
+        self.next_chain += 1;
+        out.push(TearSegment::Box(TearBox { chain: self.next_chain - 1, ..made }));
     }
 
     fn joint(&self, blade: &Blade, incoming: DVec3, outgoing: DVec3) -> Option<Joint> {

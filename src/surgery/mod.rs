@@ -6,6 +6,7 @@ pub mod boxes_obj;
 pub mod cap;
 pub mod chain;
 pub mod clip;
+mod hub;
 pub mod insert;
 mod lane;
 pub mod leaf;

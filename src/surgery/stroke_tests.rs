@@ -232,6 +232,26 @@ fn a_pivot_makes_two_chains_side_by_side_that_nearly_meet() {
     }
 }
 
+/// A blade that goes round an axis leans so that its boxes run inwards at the tip of the cone: were they to share joints up to there, the
+/// inner lip would run backwards.
+#[test]
+fn a_cone_is_two_chains_and_a_few_boxes_of_its_tip() {
+    let apex = DVec3::new(0.0, -0.4, 0.0);
+    let round = |i: i32| {
+        let (sin, cos) = (f64::from(i) * 0.1).sin_cos();
+        let way = DVec3::new(cos, 2.0, sin).normalize();
+        BladePose { t: f64::from(i), tip: apex - 0.05 * way, base: apex + 0.2 * way }
+    };
+    let (b, bare) = covered(&(0..=62).map(round).collect::<Vec<_>>());
+    assert_eq!(broken_chains(&b), None);
+    let count = |chain: u32| b.iter().filter(|b| b.chain == chain).count();
+    let mut counts: Vec<usize> = (0..chains(&b) as u32).map(count).collect();
+    counts.sort_unstable_by(|a, b| b.cmp(a));
+    // one box a chain where joints begin at the tip
+    assert!(4 * (counts[0] + counts[1]) > 3 * b.len() && counts[5] == 1, "{counts:?}");
+    assert!(bare < 6e-3, "the tip is cut up to the bridge: {bare}");
+}
+
 #[test]
 fn a_lever_is_one_chain() {
     for pivot in [0.0, 1.0, 0.005] {

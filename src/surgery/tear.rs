@@ -69,10 +69,14 @@ pub struct TearStep {
     pub walls: Vec<(FaceId, Side)>,
     /// Faces of older walls that have got other corners (closed tears): they may reach farther now.
     pub widened_faces: Vec<FaceId>,
+    /// What has come of faces of older walls: which, and a face of its place.
+    pub recut: Vec<(FaceId, FaceId)>,
     /// Edges of the hole's rim that belong to no closed loop, and got no wall: the model was open there.
     pub unclosed_edges: usize,
     /// Faces of older walls that the body cut or swallowed, but those it was told to (closed tears).
     pub walls_cut: usize,
+    /// Faces of the model's own surface that the body cut or swallowed.
+    pub skin_cut: usize,
     /// Corners of the body (bits) that the walls go round though they were seen outside the solid.
     pub corners_outside: u8,
     /// Sine of the smallest angle of the faces put in; infinite without any.
@@ -82,11 +86,12 @@ pub struct TearStep {
 impl TearStep {
     /// Forgets everything but the buffers.
     pub fn clear(&mut self) {
-        let Self { new_vertices, lips, on_end, added_faces, touched, walls, widened_faces, .. } = std::mem::take(self);
+        let Self { new_vertices, lips, on_end, added_faces, touched, walls, widened_faces, recut, .. } = std::mem::take(self);
         let smallest_sine = f64::INFINITY;
-        let kept = Self { new_vertices, lips, on_end, added_faces, touched, walls, widened_faces, ..Self::default() };
+        let kept = Self { new_vertices, lips, on_end, added_faces, touched, walls, widened_faces, recut, ..Self::default() };
         *self = Self { smallest_sine, ..kept };
         self.widened_faces.clear();
+        self.recut.clear();
         self.new_vertices.clear();
         self.lips.clear();
         self.on_end.clear();
@@ -344,6 +349,9 @@ impl TearScratch {
             out.smallest_sine = out.smallest_sine.min(self.emit_faces(info));
             if self.is_closed {
                 self.tie_faces(mesh, face, i);
+                // which face it will be is known when they are put in
+                let to = self.region.triangles.iter().map(|_| FaceId::NONE);
+                out.recut.extend(to.map(|to| (face, to)));
             }
             out.touched.extend(mesh.face(face));
         }
@@ -515,12 +523,15 @@ impl TearScratch {
         for &v in &out.touched {
             self.incident.extend(mesh.fan(v).map(HalfEdge::face));
         }
+        out.skin_cut = self.removed.iter().filter(|&&f| !mesh.face_info(f).is_interior()).count();
         mesh.replace_faces(&self.removed, &self.added, |_| 0, &mut self.topology);
         out.faces_removed = self.removed.len();
         out.added_faces.extend_from_slice(&self.topology.added);
         self.incident.extend_from_slice(&out.added_faces);
         if self.is_closed {
             self.lining.collect_rim(mesh, &out.added_faces);
+            out.recut.iter_mut().zip(&out.added_faces).for_each(|(recut, &to)| recut.1 = to);
+            out.recut.retain(|recut| mesh.face_info(recut.1).is_interior());
         }
         self.split.clear();
         self.vertices.clear();

@@ -10,9 +10,9 @@ use crate::diagnostics::Stages;
 use crate::geometry::measure::vertex_normal;
 use crate::geometry::{FaceId, VertexId};
 use crate::particles::MapUpdateReport;
-use crate::surgery::Slit;
 use crate::surgery::leaf::{Leaf, line};
 use crate::surgery::slit::{OnLines, SlitScratch, SlitStep, slit_more, slit_step};
+use crate::surgery::{JointId, Slit};
 use crate::tissue::Tissue;
 use glam::DVec3;
 
@@ -32,8 +32,8 @@ const ONE_OVER_OTHER: f64 = 0.1;
 
 /// Where a strip ended.
 struct Ended {
-    /// Chain and place of the strip.
-    place: (u32, u32),
+    /// The strip's last joint.
+    joint: JointId,
     /// Tip and top of the blade, as seen and at rest.
     blade: [DVec3; 2],
     at_rest: [DVec3; 2],
@@ -105,7 +105,8 @@ impl SlitState {
     /// Ends of the slit that `slit` goes on from, and the strip that it follows.
     fn starts(&self, slit: &Slit, diagonal: f64, tags: &mut Vec<OnLines>) -> Option<&Ended> {
         let blade = [slit.corners[0], slit.corners[3]];
-        let follows = |e: &&Ended| (e.place.0, e.place.1 + 1) == (slit.chain, slit.index);
+        // a chain that crosses itself goes on from the same joint under another number
+        let follows = |e: &&Ended| e.joint == slit.joints[0];
         let same = |e: &&Ended| blade.iter().all(|&p| distance_to_line(p, e.blade) <= SAME_LINE * diagonal);
         let from = self.ended.iter().filter(|e| follows(e) || same(e));
         tags.clear();
@@ -132,11 +133,11 @@ impl SlitState {
         let mut vertices = self.spare_ends.pop().unwrap_or_default();
         vertices.clear();
         let tags = self.step.tags.iter().filter(|t| t.lines & line::END != 0);
-        let (place, blade) = ((slit.chain, slit.index), [slit.corners[1], slit.corners[2]]);
+        let (joint, blade) = (slit.joints[1], [slit.corners[1], slit.corners[2]]);
         // Where tissue has moved, starts by tag are not where the blade is, and what is cut beside them may seem to end there as well:
         // as starts of the next strip those would part it anew, and again.
         vertices.extend(tags.map(|t| t.vertex).filter(|&v| !strays(v, blade)));
-        self.ended.push(Ended { place, blade, at_rest, strip, vertices });
+        self.ended.push(Ended { joint, blade, at_rest, strip, vertices });
         self.committed.push(slit.clone());
     }
 }
@@ -150,7 +151,7 @@ impl TearStroke {
     /// the slit before is left by the blade.
     pub(super) fn begin_slit(&mut self, tissue: &mut Tissue, goes_on: bool) {
         let next = tissue.layer.as_ref().map_or(0, |l| l.strips.next_slit());
-        if !goes_on && next > self.slit && self.stroke.builder().open_chains().count() <= 1 {
+        if !goes_on && next > self.slit && self.stroke.builder().is_alone() {
             let report = tissue.release_slit();
             self.positions.edited(tissue, report.vertices_changed.iter().copied());
             tissue.scratch.update.reuse(report);

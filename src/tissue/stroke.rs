@@ -17,7 +17,7 @@ use crate::geometry::{Distinct, FaceId, VertexId};
 use crate::particles::LipVertex;
 use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
 use crate::surgery::tear_walls::WallSpec;
-use crate::surgery::{BladePose, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
+use crate::surgery::{BladePose, JointId, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
 use box_planes::BoxPlanes;
 use glam::{DMat3, DVec3};
 use slit_stroke::SlitState;
@@ -37,7 +37,7 @@ const BENT: f64 = 1.0 / 32.0;
 const MOST_WALLS_CUT: usize = 300;
 
 /// Boxes that the next may go on from: the ends of two chains at a pivot, and what came before them.
-const ENDS_KEPT: usize = 4;
+const ENDS_KEPT: usize = 8;
 
 /// The paper's rows for one segment, with what it did.
 #[derive(Clone, Debug, Default)]
@@ -76,8 +76,9 @@ pub struct SegmentReport {
 /// What a box leaves for the next of its chain.
 #[derive(Default)]
 struct Ended {
-    /// Chain and place of the box.
-    place: (u32, u32),
+    /// Chain of the box, and its last joint.
+    chain: u32,
+    joint: Option<JointId>,
     /// Its end edge (tip, top) at rest.
     at_rest: [DVec3; 2],
     /// Vertices on the joint, with the quad edges they lie on, sorted.
@@ -338,7 +339,8 @@ impl TearStroke {
         let mut report = SegmentReport::default();
         let mut planes = std::mem::take(&mut self.planes);
         planes.set(tear_box, FLAT_SIDE * tissue.diagonal());
-        let follows = |e: &Ended| (e.place.0, e.place.1 + 1) == (tear_box.chain, tear_box.index);
+        // a chain that crosses itself goes on from the same joint under another number
+        let follows = |e: &Ended| e.joint == Some(tear_box.joints[0]);
         if let Some(last) = self.ended.last_mut() {
             std::mem::swap(&mut last.near, &mut self.near);
         }
@@ -461,13 +463,27 @@ impl TearStroke {
         let stands = |f: &FaceId| tissue.mesh.is_live(*f) && made.binary_search(f).is_err();
         self.spare_ended.extend(self.ended.drain(..self.ended.len().saturating_sub(ENDS_KEPT - 1)));
         for other in &mut self.ended {
-            other.end_wall.retain(stands);
-            other.other_walls.retain(stands);
+            for walls in [&mut other.end_wall, &mut other.other_walls] {
+                let known = walls.len();
+                // sorted up to there
+                for &(from, to) in &step.recut {
+                    if walls[..known].binary_search(&from).is_ok() && tissue.mesh.is_live(to) {
+                        walls.push(to);
+                    }
+                }
+                let mut k = 0;
+                walls.retain(|f| {
+                    k += 1;
+                    k > known || stands(f)
+                });
+                walls.sort_unstable();
+                walls.dedup();
+            }
             other.tags.retain(|t| tissue.mesh.vertex_is_live(t.vertex));
             other.lips.retain(|l| tissue.mesh.vertex_is_live(l.0));
         }
         let mut end = self.spare_ended.pop().unwrap_or_default().emptied();
-        (end.place, end.at_rest) = ((tear_box.chain, tear_box.index), at_rest);
+        (end.chain, end.joint, end.at_rest) = (tear_box.chain, Some(tear_box.joints[1]), at_rest);
         planes.end_edges(&step.on_end, &mut end.tags);
         if self.wall == WallMode::Closed {
             for &(face, side) in &step.walls {
@@ -513,7 +529,7 @@ impl TearStroke {
         let strip = report.stages.time("disconnect_particles", || {
             let layer = tissue.layer.as_mut()?;
             let corners = [start[0], end[0], end[1], start[1]];
-            layer.strips.push(corners, layer.settings.radius, self.slit).ok()
+            layer.strips.push_strip(corners, layer.settings.radius, self.slit, step.skin_cut == 0).ok()
         });
         let Self { lips, removed, positions, .. } = self;
         lips.clear();

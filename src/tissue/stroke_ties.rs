@@ -38,7 +38,7 @@ impl TearStroke {
         nearby.extend_from_slice(near);
         for chain in stroke.builder().open_chains() {
             // what the other lane's last box has touched
-            nearby.extend(ended.iter().filter(|e| e.place.0 == chain).flat_map(|e| &e.near));
+            nearby.extend(ended.iter().filter(|e| e.chain == chain).flat_map(|e| &e.near));
         }
         let pending = stroke.builder().pending_quads_mut();
         let mut kept = 0;

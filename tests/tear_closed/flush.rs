@@ -76,7 +76,7 @@ fn left(cells: &[[i32; 3]], boxes: &[[DVec3; 2]]) -> f64 {
     sum
 }
 
-fn volume_of(tissue: &Tissue) -> f64 {
+pub fn volume_of(tissue: &Tissue) -> f64 {
     let mesh = tissue.mesh();
     let positions: Vec<DVec3> = (0..mesh.vertex_slots()).map(|v| tissue.position(VertexId::new(v))).collect();
     volume(&positions, &mesh.live_faces().map(|f| mesh.face(f).map(|v| v.0)).collect::<Vec<_>>())

@@ -241,3 +241,25 @@ fn a_model_may_be_swallowed_whole() {
         assert_eq!((restored.faces, restored.pieces.len()), (0, 0));
     }
 }
+
+/// A cone cut out of a ball, the blade reaching beyond its tip: boxes that go on from one another, with those of the other side of the tip
+/// between them, leave no film where one has cut the end of another.
+#[test]
+fn a_cone_comes_off() {
+    for (radius, depth) in [(0.1, 0.12), (0.15, 0.2)] {
+        let (mut scene, ..) = still_scene("sphere", 5_000);
+        let skin = DVec3::new(0.0, 0.0, 0.5);
+        let apex = skin - depth * DVec3::Z;
+        let pose = |k: i32| {
+            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 63.0).sin_cos();
+            let way = (skin + radius * DVec3::new(cos, sin, 0.0) - apex).normalize();
+            BladePose { t: 0.022 * f64::from(k), tip: apex - 0.02 * way, base: apex + 0.7 * way }
+        };
+        stroke(&mut scene, 0.006, &(0..=63).map(pose).collect::<Vec<_>>());
+        let volumes: Vec<f64> = scene.tissues().map(|(_, t)| super::flush::volume_of(t)).collect();
+        let cone = std::f64::consts::PI * radius * radius * depth / 3.0;
+        let comes_off = volumes.iter().skip(1).any(|v| (0.6..1.3).contains(&(v / cone)));
+        assert!(comes_off, "{radius}: {volumes:?} for {cone}");
+        assert!(scene.tissues().all(|(_, t)| t.validate() == Ok(()) && common::border_loops(t.mesh()) == 0));
+    }
+}

@@ -1,0 +1,61 @@
+//! Strips as they are kept, where they lie in their slits, and which share an edge.
+
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+/// Strips back that one may go on from: where a blade turns about a point of its own, chains take turns.
+const TURNS: usize = 8;
+
+/// One strip: the quad that the blade swept between two samples, in rest space.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Strip {
+    /// `tip0, tip1, base1, base0`, metres: the blade at the earlier sample is `tip0 - base0`, at the later `tip1 - base1`.
+    /// Not extended.
+    pub corners: [[f64; 3]; 4],
+    /// Radius of influence `d` when the strip was made: it is tested extended by `d` above the base, `d / 4` below the tip.
+    pub reach: f64,
+    /// The slit it belongs to. Strips of a slit follow one another; each shares an edge with one before it, but where a chain begins.
+    pub slit: u32,
+    /// 1 if it runs beside the line of its slit, below the skin, and has no length there; else 0.
+    pub beside: u32,
+}
+
+impl Strip {
+    /// True if it runs beside the line of its slit: it parts what it parts, and holds no wound particles.
+    pub fn is_beside(&self) -> bool {
+        self.beside != 0
+    }
+}
+
+/// Where a strip lies in its slit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Along {
+    /// First strip of the slit.
+    pub(super) start: usize,
+    /// Length of the slit before this strip, metres.
+    pub(super) before: f64,
+    /// Its own length: the mean of its tip edge and its base edge, metres; 0 for one beside the slit's line.
+    pub(super) length: f64,
+    /// The strip that ends in the edge that this one starts from, and the one that starts where it ends.
+    pub(super) last: Option<usize>,
+    pub(super) next: Option<usize>,
+}
+
+impl Along {
+    /// Of strip `k`, of which those before are known; that which it goes on from is told.
+    pub(super) fn new(strips: &[Strip], along: &mut [Self], k: usize) -> Self {
+        let strip = &strips[k];
+        let [tip0, tip1, base1, base0] = strip.corners.map(DVec3::from_array);
+        let length = if strip.is_beside() { 0.0 } else { 0.5 * (tip0.distance(tip1) + base0.distance(base1)) };
+        let of_slit = |m: &usize| strips[*m].slit == strip.slit;
+        let newest = k.checked_sub(1).filter(of_slit);
+        let (start, before) = newest.map_or((k, 0.0), |m| (along[m].start, along[m].before + along[m].length));
+        let ends_here = |m: &usize| strips[*m].corners[1] == strip.corners[0] && strips[*m].corners[2] == strip.corners[3];
+        let last = (start.max(k.saturating_sub(TURNS))..k).rev().find(ends_here);
+        if let Some(m) = last {
+            along[m].next = along[m].next.or(Some(k));
+        }
+        Self { start, before, length, last, next: None }
+    }
+}

@@ -1,0 +1,126 @@
+//! Strips, their lips and who knows which side.
+
+use super::*;
+use crate::particles::test_models::noise;
+
+fn quad(x0: f64, x1: f64) -> [DVec3; 4] {
+    [DVec3::new(x0, 0.0, -1.0), DVec3::new(x1, 0.0, -1.0), DVec3::new(x1, 0.0, 0.0), DVec3::new(x0, 0.0, 0.0)]
+}
+
+fn hash(strips: &Strips) -> u64 {
+    let mut hash = StateHash::default();
+    strips.hash_into(&mut hash);
+    hash.finish()
+}
+
+/// Two chains that take turns, as on both sides of a pivot: a lip knows the sides of its own chain's strips alone.
+#[test]
+fn strips_of_chains_that_take_turns_are_no_neighbours() {
+    let mut strips = Strips::default();
+    let below = |x0, x1| quad(x0, x1).map(|p| p - DVec3::Z);
+    for i in 0..3 {
+        let (x0, x1) = (0.1 * f64::from(i), 0.1 * f64::from(i + 1));
+        strips.push(quad(x0, x1), 0.2, 0).unwrap();
+        strips.push_strip(below(x0, x1), 0.2, 0, true).unwrap();
+    }
+    let v = VertexId(0);
+    strips.set_lip(v, 2, 1);
+    let known = |strips: &Strips| (0..6).map(|k| strips.known_side(k, v).map_or(0, |s| s.side)).collect::<Vec<_>>();
+    assert_eq!(known(&strips), [1, 0, 1, 0, 1, 0]);
+    // what runs beside is no part of the way along
+    let stretches: Vec<_> = (0..6).map(|k| strips.stretch(k)).map(|(before, length)| before + length).collect();
+    assert!(stretches.iter().zip([0.1, 0.1, 0.2, 0.2, 0.3, 0.3]).all(|(a, b)| (a - b).abs() < 1e-12), "{stretches:?}");
+    // the newest are taken back
+    let delta = strips.take_delta();
+    strips.push(quad(0.1 * 3.0, 0.4), 0.2, 0).unwrap();
+    let last = strips.take_delta();
+    assert_eq!(strips.around(4).collect::<Vec<_>>(), [2, 4, 6]);
+    strips.apply_delta(last);
+    assert_eq!(strips.around(4).collect::<Vec<_>>(), [2, 4]);
+    strips.apply_delta(delta);
+    assert!(strips.is_empty());
+}
+
+#[test]
+fn no_gap_between_consecutive_strips() {
+    let mut strips = Strips::default();
+    for i in 0..7 {
+        strips.push(quad(f64::from(i) * 0.1, f64::from(i + 1) * 0.1), 0.2, 0).unwrap();
+    }
+    for i in 0..500 {
+        let x = 0.7 * noise(i);
+        let joint = 0.1 * (i % 7) as f64;
+        for x in [x, joint] {
+            assert!(!strips.connects(DVec3::new(x, -0.1, -0.5), DVec3::new(x, 0.1, -0.5)));
+        }
+    }
+    assert!(strips.connects(DVec3::new(0.8, -0.1, -0.5), DVec3::new(0.8, 0.1, -0.5)));
+    assert_eq!(strips.slit_start(6), 0);
+}
+
+#[test]
+fn the_tree_finds_what_a_scan_finds() {
+    let mut strips = Strips::default();
+    let random = |i: u64| DVec3::new(noise(3 * i), noise(3 * i + 1), noise(3 * i + 2));
+    for i in 0..60 {
+        let (a, b, up) = (random(10 * i), random(10 * i + 1), random(10 * i + 2) * 0.3);
+        let b = a + (b - a) * 0.2;
+        strips.push([a, b, b + up, a + up], 0.05, i as u32).unwrap();
+    }
+    let mut crossed = 0;
+    for i in 0..400 {
+        let (a, b) = (random(1000 + 2 * i), random(1001 + 2 * i));
+        let b = a + (b - a) * 0.4;
+        let scan = (0..strips.len()).any(|k| strips.geometry(k).crosses(a, b));
+        assert_eq!(strips.connects(a, b), !scan);
+        crossed += usize::from(scan);
+    }
+    assert!((20..380).contains(&crossed), "{crossed}");
+}
+
+#[test]
+fn undo_takes_strips_lips_and_the_tree_back() {
+    let mut strips = Strips::default();
+    strips.push(quad(0.0, 0.1), 0.2, 0).unwrap();
+    strips.set_lip(VertexId(3), 0, 1);
+    strips.take_delta();
+    let before = hash(&strips);
+    strips.push(quad(0.1, 0.2), 0.2, 0).unwrap();
+    strips.set_lip(VertexId(3), 1, 1);
+    strips.set_lip(VertexId(9), 1, -1);
+    let after = hash(&strips);
+    let delta = strips.take_delta();
+    let link = (DVec3::new(0.15, -0.1, -0.5), DVec3::new(0.15, 0.1, -0.5));
+    assert!(!strips.connects(link.0, link.1));
+    let redo = strips.apply_delta(delta);
+    assert!(hash(&strips) == before && before != after);
+    assert!(strips.connects(link.0, link.1));
+    strips.validate().unwrap();
+    strips.apply_delta(redo);
+    assert_eq!(hash(&strips), after);
+    strips.validate().unwrap();
+    assert_eq!(strips.lip_sides(VertexId(3)).len(), 2);
+}
+
+#[test]
+fn bad_strips_are_refused_and_bad_states_found() {
+    let mut strips = Strips::default();
+    let mut bad = quad(0.0, 1.0);
+    bad[2].y = f64::NAN;
+    assert_eq!(strips.push(bad, 0.1, 0), Err(StripError::NotFinite));
+    assert_eq!(strips.push(quad(0.0, 1.0), -1.0, 0), Err(StripError::NotFinite));
+    strips.push(quad(0.0, 1.0), 0.1, 0).unwrap();
+    strips.validate().unwrap();
+    let good = strips.clone();
+    strips.set_lip(VertexId(0), 5, 1);
+    assert!(strips.validate().unwrap_err().contains("lip"));
+    let mut strips = good.clone();
+    strips.wounds.push(WoundMark { particle: ParticleId(0), strip: 4, along: 0.0, side: 1, padding: 0 });
+    assert!(strips.validate().unwrap_err().contains("wound"));
+    let mut strips = good.clone();
+    strips.geometry.clear();
+    assert!(strips.validate().unwrap_err().contains("stale"));
+    let mut strips = good;
+    strips.bvh.remove(0);
+    assert!(strips.validate().unwrap_err().contains("tree"));
+}
