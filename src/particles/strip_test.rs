@@ -70,7 +70,7 @@ enum LipTest {
 
 /// Where the blades before and after lean towards each other, a strip is extended by no more than this share of the way to where they
 /// meet: beyond, it would be turned over, and its sides with it.
-const MOST_OF_WAY: f64 = 0.9;
+const MOST_OF_WAY: f64 = 0.25;
 
 /// Heights of lips over their strips at rest, as a share of the strip's size, that come from rounding.
 const ROUNDED: f64 = 1e-5;
