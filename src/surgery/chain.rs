@@ -235,10 +235,7 @@ impl ChainBuilder {
                     lane.step(&last, &next, on, maker, out);
                     lanes.push(lane);
                 }
-                None => {
-                    let first = maker.part(&last, on[0]);
-                    lanes.push(Lane::new(first, on[1], maker));
-                }
+                None => lanes.push(Lane::new(&last, on, maker)),
             }
         }
         before.clear();

@@ -32,6 +32,11 @@ impl Part {
         Self { low: if self.low > 0.0 { self.low + by } else { 0.0 }, high: self.high - by }
     }
 
+    /// 0 for what ends at a pivot, 1 for what begins there.
+    fn side(self) -> usize {
+        usize::from(self.low > 0.0)
+    }
+
     /// What [`Part::inset`] leaves out, and so many metres more; `None` where neither end or both are a pivot's.
     fn tip(self, by: f64) -> Option<Self> {
         match (self.low > 0.0, self.high.is_finite()) {
@@ -51,9 +56,19 @@ impl Hub {
         let fits = !maker.slit && least.is_finite() && least <= MOST_INSET * length;
         if fits {
             self.inset = self.inset.max(least);
+            maker.insets[part.side()] = self.inset;
         }
         self.start = None;
         self.go_on_from(blade, part, maker);
+    }
+
+    /// For a new lane at `blade`: it keeps off the tip as the one before it on this side of the pivot did.
+    pub(super) fn again(blade: &Blade, part: Part, maker: &mut Maker) -> Self {
+        let length = part.high.min(blade.length()) - part.low;
+        let inset = if part == Part::WHOLE { 0.0 } else { maker.insets[part.side()] };
+        let mut hub = Self { inset: if inset <= MOST_INSET * length { inset } else { 0.0 }, start: None };
+        hub.go_on_from(blade, part, maker);
+        hub
     }
 
     /// The next box of the tip starts at `blade`.

@@ -87,6 +87,8 @@ pub(super) struct Maker {
     next_plane: u32,
     next_chain: u32,
     pub(super) skipped: u32,
+    /// How far the last lanes below and above a pivot kept off it, metres.
+    pub(super) insets: [f64; 2],
     /// Rooms of lanes that have ended.
     spare: Vec<Vec<KeptBox>>,
 }
@@ -163,10 +165,12 @@ impl Start {
 }
 
 impl Lane {
-    /// A new chain that starts at `first`. `part` is what it is of the blade that comes next.
-    pub(super) fn new(first: Blade, part: Part, maker: &mut Maker) -> Self {
+    /// A new chain that starts at `first`, of which `on[0]` is its part. `on[1]` is what it is of the blade that comes next.
+    pub(super) fn new(first: &Blade, on: [Part; 2], maker: &mut Maker) -> Self {
+        let hub = Hub::again(first, on[0], maker);
+        let start = maker.part(first, on[0].inset(hub.inset));
         let kept = maker.spare.pop().unwrap_or_else(|| Vec::with_capacity(ROOM));
-        Self { start: Start::Fresh(first), part, dropped: 0, chain: 0, kept, hub: Hub::default() }
+        Self { start: Start::Fresh(start), part: on[1], dropped: 0, chain: 0, kept, hub }
     }
 
     /// The joint at which the last box ended.
@@ -370,6 +374,7 @@ impl Maker {
             next_plane: 0,
             next_chain: 0,
             skipped: 0,
+            insets: [0.0; 2],
             spare: Vec::new(),
         };
         maker.set_width(width, sampling);
