@@ -94,9 +94,12 @@ impl StripsAround {
         if !self.is_known {
             self.is_known = true;
             self.strips.clear();
-            self.strips.extend(strips_around(strips, v).map(|k| (k, 0)));
+            for k in strips_around(strips, v) {
+                if self.strips.iter().all(|s| s.0 != k) {
+                    self.strips.push((k, 0));
+                }
+            }
             self.strips.sort_unstable();
-            self.strips.dedup();
             self.strips.iter_mut().for_each(|(k, code)| *code = strips.code_of(*k as usize, rest, v));
         }
         &self.strips

@@ -28,6 +28,9 @@ impl Strip {
     }
 }
 
+/// No strip.
+pub(super) const NONE: u32 = u32::MAX;
+
 /// Where a strip lies in its slit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Along {
@@ -37,9 +40,9 @@ pub(super) struct Along {
     pub(super) before: f64,
     /// Its own length: the mean of its tip edge and its base edge, metres; 0 for one beside the slit's line.
     pub(super) length: f64,
-    /// The strip that ends in the edge that this one starts from, and the one that starts where it ends.
-    pub(super) last: Option<usize>,
-    pub(super) next: Option<usize>,
+    /// The strip that ends in the edge that this one starts from, and the one that starts where it ends; or [`NONE`].
+    pub(super) last: u32,
+    pub(super) next: u32,
 }
 
 impl Along {
@@ -53,9 +56,9 @@ impl Along {
         let (start, before) = newest.map_or((k, 0.0), |m| (along[m].start, along[m].before + along[m].length));
         let ends_here = |m: &usize| strips[*m].corners[1] == strip.corners[0] && strips[*m].corners[2] == strip.corners[3];
         let last = (start.max(k.saturating_sub(TURNS))..k).rev().find(ends_here);
-        if let Some(m) = last {
-            along[m].next = along[m].next.or(Some(k));
+        if let Some(m) = last.filter(|&m| along[m].next == NONE) {
+            along[m].next = k as u32;
         }
-        Self { start, before, length, last, next: None }
+        Self { start, before, length, last: last.map_or(NONE, |m| m as u32), next: NONE }
     }
 }

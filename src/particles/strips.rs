@@ -7,8 +7,8 @@ use super::holders::VertexSet;
 use super::particle_map::ParticleMap;
 use super::places::Places;
 use super::settings::ParticleSettings;
-use super::slit_line::Along;
 pub use super::slit_line::Strip;
+use super::slit_line::{Along, NONE};
 use super::strip_test::{KnownSide, LinkEnd, LipView, StripGeometry};
 use crate::geometry::room::{headroom, rows_headroom, with_headroom};
 use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
@@ -283,20 +283,28 @@ impl Strips {
         if sides.is_empty() {
             return None;
         }
-        let by = |m: usize| sides.iter().find(|l| l.strip as usize == m);
         let Along { last, next, .. } = self.along[k];
-        by(k).or_else(|| last.and_then(by)).or_else(|| next.and_then(by))
+        let mut by = [None; 2];
+        for lip in sides {
+            match lip.strip {
+                strip if strip as usize == k => return Some(lip),
+                strip if strip == last => by[0] = Some(lip),
+                strip if strip == next => by[1] = Some(lip),
+                _ => {}
+            }
+        }
+        by[0].or(by[1])
     }
 
     /// The strip that strip `k` goes on from, if there is one: they share an edge.
     pub(super) fn last_of(&self, k: usize) -> Option<usize> {
-        self.along[k].last
+        Some(self.along[k].last).filter(|&m| m != NONE).map(|m| m as usize)
     }
 
     /// Strip `k` and those that share an edge with it, in the order of the blade.
     pub(super) fn around(&self, k: usize) -> impl Iterator<Item = usize> + use<> {
         let Along { last, next, .. } = self.along[k];
-        [last, Some(k), next].into_iter().flatten()
+        [last, k as u32, next].into_iter().filter(|&m| m != NONE).map(|m| m as usize)
     }
 
     /// The extended geometry of strip `k`.
@@ -454,9 +462,11 @@ impl Strips {
             self.bvh.remove(k as u32);
         }
         self.geometry.truncate(self.len());
-        self.along.truncate(self.len());
-        let len = self.len();
-        self.along.iter_mut().for_each(|a| a.next = a.next.filter(|&k| k < len));
+        if self.along.len() > self.len() {
+            self.along.truncate(self.len());
+            let len = self.len() as u32;
+            self.along.iter_mut().filter(|a| a.next >= len).for_each(|a| a.next = NONE);
+        }
         for k in self.geometry.len()..self.len() {
             let strip = &self.strips[k];
             let geometry = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);

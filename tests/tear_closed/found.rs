@@ -242,24 +242,46 @@ fn a_model_may_be_swallowed_whole() {
     }
 }
 
-/// A cone cut out of a ball, the blade reaching beyond its tip: boxes that go on from one another, with those of the other side of the tip
-/// between them, leave no film where one has cut the end of another.
+/// A blade that goes round the tip of a cone in a ball, `beyond` it or short of it, in shares of the ball's diagonal.
+fn cone([radius, depth, beyond, width]: [f64; 4], (low, high): (DVec3, DVec3)) -> (f64, Vec<BladePose>) {
+    let size = high.z - low.z;
+    let skin = DVec3::new((low.x + high.x) / 2.0, (low.y + high.y) / 2.0, high.z);
+    let apex = skin - depth * size * DVec3::Z;
+    let pose = |k: i32| {
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 63.0).sin_cos();
+        let way = (skin + radius * size * DVec3::new(cos, sin, 0.0) - apex).normalize();
+        BladePose { t: 0.022 * f64::from(k), tip: apex - beyond * size * way, base: apex + 0.7 * size * way }
+    };
+    (width * size, (0..=63).map(pose).collect())
+}
+
+/// Boxes that go on from one another, with those of the other side of the tip between them, take out no more and no less than their
+/// union, and leave no film where one has cut the end of another.
 #[test]
 fn a_cone_comes_off() {
-    for (radius, depth) in [(0.1, 0.12), (0.15, 0.2)] {
-        let (mut scene, ..) = still_scene("sphere", 5_000);
-        let skin = DVec3::new(0.0, 0.0, 0.5);
-        let apex = skin - depth * DVec3::Z;
-        let pose = |k: i32| {
-            let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / 63.0).sin_cos();
-            let way = (skin + radius * DVec3::new(cos, sin, 0.0) - apex).normalize();
-            BladePose { t: 0.022 * f64::from(k), tip: apex - 0.02 * way, base: apex + 0.7 * way }
-        };
-        stroke(&mut scene, 0.006, &(0..=63).map(pose).collect::<Vec<_>>());
-        let volumes: Vec<f64> = scene.tissues().map(|(_, t)| super::flush::volume_of(t)).collect();
-        let cone = std::f64::consts::PI * radius * radius * depth / 3.0;
-        let comes_off = volumes.iter().skip(1).any(|v| (0.6..1.3).contains(&(v / cone)));
-        assert!(comes_off, "{radius}: {volumes:?} for {cone}");
-        assert!(scene.tissues().all(|(_, t)| t.validate() == Ok(()) && common::border_loops(t.mesh()) == 0));
+    for shape in [
+        [0.1, 0.12, 0.02, 0.006],
+        [0.15, 0.2, 0.02, 0.006],
+        [0.15, 0.2, 0.0, 0.01],
+        [0.1, 0.3, 0.1, 0.004],
+        [0.2, 0.15, 0.05, 0.02],
+    ] {
+        let torn = check_poses("sphere", 768, |bounds| cone(shape, bounds));
+        let torn = torn.unwrap_or_else(|e| panic!("{shape:?}: {e}"));
+        assert!(torn.is_some_and(|[_, pieces]| pieces > 1), "{shape:?}: {torn:?}");
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(8))]
+
+    #[test]
+    fn cones_out_of_a_sphere(
+        radius in 0.05f64..0.3,
+        depth in 0.05f64..0.5,
+        beyond in prop_oneof![Just(0.0), 0.0f64..0.1],
+        width in 0.002f64..0.03,
+    ) {
+        check_poses("sphere", 768, |bounds| cone([radius, depth, beyond, width], bounds))?;
     }
 }
