@@ -33,8 +33,9 @@ const GRAIN: f64 = 1e-7;
 /// What may be changed of walls that tissue has bent when they are cut again, in widths of the slit.
 const BENT: f64 = 1.0 / 32.0;
 
-/// Faces of old walls that a box may cut where the tissue has moved. Walls that lie through each other would be cut into more and more.
-const MOST_WALLS_CUT: usize = 300;
+/// Faces of old walls that a box may cut where the tissue has moved, below the skin and where it cuts that, too: there a box left out leaves
+/// a rung. Walls that lie through each other would be cut into more and more.
+const MOST_WALLS_CUT: [usize; 2] = [300, 700];
 
 /// Boxes that the next may go on from: the ends of two chains at a pivot, and what came before them.
 const ENDS_KEPT: usize = 8;
@@ -370,13 +371,17 @@ impl TearStroke {
             tissue.step_back();
             (before, given_up) = (before.emptied(), true);
             tags.clear();
-            hit = report
-                .stages
-                .time("perform_tear", || self.clip(tissue, tear_box, &mut planes, (&before, &tags), material, margin));
+            // what cuts too many walls with its joint cuts no fewer without
+            hit = !self.cuts_too_many()
+                && report
+                    .stages
+                    .time("perform_tear", || self.clip(tissue, tear_box, &mut planes, (&before, &tags), material, margin));
             if hit && self.went_wrong(tissue, &planes) {
                 tissue.step_back();
-                self.step.clear();
                 hit = false;
+            }
+            if !hit {
+                self.step.clear();
             }
         }
         report.faces_visited = self.step.faces_visited;
@@ -395,11 +400,15 @@ impl TearStroke {
         self.reports.push(report);
     }
 
+    /// True if old walls were cut to pieces.
+    fn cuts_too_many(&self) -> bool {
+        self.has_moved && self.step.walls_cut > MOST_WALLS_CUT[usize::from(self.step.skin_cut > 0)]
+    }
+
     /// True if walls stand in the air, up along the blade, or line folds of the skin, or old walls were cut to pieces.
     fn went_wrong(&mut self, tissue: &Tissue, planes: &BoxPlanes) -> bool {
         let reaches_back = self.wall == WallMode::Closed && planes.start == 0;
-        let too_many = self.has_moved && self.step.walls_cut > MOST_WALLS_CUT;
-        too_many
+        self.cuts_too_many()
             || self.step.corners_outside & TOP != 0
             || reaches_back && is_crumpled(tissue, &self.step.added_faces, &mut self.origins)
     }
