@@ -93,22 +93,20 @@ impl StripsAround {
     fn of(&mut self, strips: &Strips, rest: &[DVec3], v: VertexId) -> &[(u32, u16)] {
         if !self.is_known {
             self.is_known = true;
-            self.strips.clear();
-            for k in strips_around(strips, v) {
-                if self.strips.iter().all(|s| s.0 != k) {
-                    self.strips.push((k, 0));
-                }
-            }
-            self.strips.sort_unstable();
+            list_strips_around(strips, v, &mut self.strips, |k| (k, 0));
             self.strips.iter_mut().for_each(|(k, code)| *code = strips.code_of(*k as usize, rest, v));
         }
         &self.strips
     }
 }
 
-/// Strips that a vertex may know its side of: those that it is a lip of, and those that share an edge with one; some twice.
-fn strips_around(strips: &Strips, v: VertexId) -> impl Iterator<Item = u32> + '_ {
-    strips.lip_sides(v).iter().flat_map(|lip| strips.around(lip.strip as usize)).map(|k| k as u32)
+/// Lists the strips that a vertex may know its side of, each by its `entry`: those that it is a lip of, and those that share an edge with
+/// one. Oldest first, each once.
+fn list_strips_around<T: Ord>(strips: &Strips, v: VertexId, list: &mut Vec<T>, entry: impl Fn(u32) -> T) {
+    list.clear();
+    list.extend(strips.lip_sides(v).iter().flat_map(|lip| strips.around(lip.strip as usize)).map(|k| entry(k as u32)));
+    list.sort_unstable();
+    list.dedup();
 }
 
 /// The strips near one particle.
@@ -424,10 +422,7 @@ impl LinkTests {
         }
         if is_stale {
             lists.unlisted.empty(j.index());
-            found.clear();
-            found.extend(strips_around(strips, anchor));
-            found.sort_unstable();
-            found.dedup();
+            list_strips_around(strips, anchor, found, |k| k);
             for &k in &*found {
                 if lists.strips.get(j.index()).binary_search_by_key(&k, |s| s.0).is_err() {
                     lists.unlisted.push(j.index(), k);

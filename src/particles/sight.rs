@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3A, Vec4};
 
-/// The directions in which a point sees a strip: a cone of four planes through the point, one a lane. A first look at many points.
+/// The directions in which a point sees a strip: a cone of four planes through the point, one a lane.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight {
     pub(super) from: DVec3,

@@ -5,8 +5,8 @@ use glam::{DVec3, Vec4};
 use robust::{Coord3D, orient3d};
 use std::borrow::Borrow;
 
-/// A strip as it is tested: extended by `d` above the base and `d / 4` below the tip, or nearly to where the blades before and after meet,
-/// cut along a fixed diagonal.
+/// A strip as it is tested: extended by `d` above the base and `d / 4` below the tip, less where the blades before and after meet nearby,
+/// and cut along a fixed diagonal.
 #[derive(Clone, Debug)]
 pub struct StripGeometry {
     /// `(tip0, tip1, base1)` and `(tip0, base1, base0)`, extended.
@@ -69,7 +69,8 @@ enum LipTest {
 }
 
 /// Where the blades before and after lean towards each other, a strip is extended by no more than this share of the way to where they
-/// meet: beyond, it would be turned over, and its sides with it.
+/// meet: beyond, it would be turned over, and its sides with it; and the narrower its end, the more a blade a little askew turns a
+/// triangle's normal.
 const MOST_OF_WAY: f64 = 0.25;
 
 /// Heights of lips over their strips at rest, as a share of the strip's size, that come from rounding.

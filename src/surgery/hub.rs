@@ -47,14 +47,17 @@ impl Part {
     }
 }
 
+/// The farthest that a lane keeps off a tip on this part of a blade, metres.
+fn most_inset(blade: &Blade, part: Part) -> f64 {
+    MOST_INSET * (part.high.min(blade.length()) - part.low)
+}
+
 impl Hub {
     /// For a lane that starts anew at `blade`, of which `part` is its own. `turns` are those of the blade and of the way across it in
     /// the box that was not valid, as lengths of the differences of unit vectors.
     pub(super) fn begin(&mut self, blade: &Blade, part: Part, [up, across]: [f64; 2], maker: &mut Maker) {
         let least = SPARE * 0.5 * maker.width * across / up;
-        let length = part.high.min(blade.length()) - part.low;
-        let fits = !maker.slit && least.is_finite() && least <= MOST_INSET * length;
-        if fits {
+        if !maker.slit && least <= most_inset(blade, part) {
             self.inset = self.inset.max(least);
             maker.insets[part.side()] = self.inset;
         }
@@ -64,9 +67,8 @@ impl Hub {
 
     /// For a new lane at `blade`: it keeps off the tip as the one before it on this side of the pivot did.
     pub(super) fn again(blade: &Blade, part: Part, maker: &mut Maker) -> Self {
-        let length = part.high.min(blade.length()) - part.low;
         let inset = if part == Part::WHOLE { 0.0 } else { maker.insets[part.side()] };
-        let mut hub = Self { inset: if inset <= MOST_INSET * length { inset } else { 0.0 }, start: None };
+        let mut hub = Self { inset: if inset <= most_inset(blade, part) { inset } else { 0.0 }, start: None };
         hub.go_on_from(blade, part, maker);
         hub
     }

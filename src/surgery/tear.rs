@@ -350,8 +350,7 @@ impl TearScratch {
             if self.is_closed {
                 self.tie_faces(mesh, face, i);
                 // which face it will be is known when they are put in
-                let to = self.region.triangles.iter().map(|_| FaceId::NONE);
-                out.recut.extend(to.map(|to| (face, to)));
+                out.recut.extend(self.region.triangles.iter().map(|_| (face, FaceId::NONE)));
             }
             out.touched.extend(mesh.face(face));
         }

@@ -47,5 +47,6 @@ impl TearStep {
         self.touched.reserve(room);
         self.walls.reserve(room);
         self.widened_faces.reserve(room);
+        self.recut.reserve(2 * room);
     }
 }

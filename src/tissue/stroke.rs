@@ -37,7 +37,7 @@ const BENT: f64 = 1.0 / 32.0;
 /// a rung. Walls that lie through each other would be cut into more and more.
 const MOST_WALLS_CUT: [usize; 2] = [300, 700];
 
-/// Boxes that the next may go on from: the ends of two chains at a pivot, and what came before them.
+/// Boxes that the next may go on from: the ends of two chains at a pivot, what came before them, and boxes of a cone's tip between.
 const ENDS_KEPT: usize = 8;
 
 /// The paper's rows for one segment, with what it did.
@@ -480,11 +480,7 @@ impl TearStroke {
                         walls.push(to);
                     }
                 }
-                let mut k = 0;
-                walls.retain(|f| {
-                    k += 1;
-                    k > known || stands(f)
-                });
+                walls.extract_if(..known, |f| !stands(f)).for_each(drop);
                 walls.sort_unstable();
                 walls.dedup();
             }
