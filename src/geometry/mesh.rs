@@ -282,6 +282,23 @@ impl Mesh {
         })
     }
 
+    /// [`Mesh::neighbours`] as a list, which is cleared first: a closed fan, as most are, is walked round once.
+    pub fn list_neighbours(&self, v: VertexId, out: &mut Vec<VertexId>) {
+        out.clear();
+        let (corners, opposites) = (self.faces.as_flattened(), self.opposite.as_flattened());
+        let first = self.vertex_half_edge[v.index()];
+        let mut h = first;
+        while h.is_some() {
+            out.push(corners[h.next().0 as usize]);
+            h = opposites[h.prev().0 as usize];
+            if h == first {
+                return;
+            }
+        }
+        out.clear();
+        out.extend(self.neighbours(v));
+    }
+
     /// Clockwise-most half-edge of the fan that holds `h` (`h` itself in a closed fan).
     pub(super) fn fan_start(&self, h: HalfEdge) -> HalfEdge {
         if h.is_none() {

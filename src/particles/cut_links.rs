@@ -89,7 +89,7 @@ impl Update<'_, '_> {
             let UpdateScratch { rows, near, work, lost, .. } = &mut *self.scratch;
             for influence in self.map.influences.row(v.index()) {
                 if crosses(self.map.anchors[influence.particle.index()]) {
-                    self.report.influences_removed += usize::from(rows.open(v, self.map).remove(influence.particle));
+                    self.report.influences_removed += usize::from(rows.open(v, self.map).part(influence.particle));
                 }
             }
             let Some(&j) = near.iter().find(|j| self.map.anchors[j.index()] == v) else { continue };
@@ -97,7 +97,7 @@ impl Update<'_, '_> {
             self.strips.places.holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |w| work.push(w));
             for &w in work.iter().filter(|w| w.index() < self.rest.len() && self.mesh.vertex_is_live(**w)) {
                 if rows.holds(w, j, self.map) && crosses(w) {
-                    self.report.influences_removed += usize::from(rows.open(w, self.map).remove(j));
+                    self.report.influences_removed += usize::from(rows.open(w, self.map).part(j));
                 }
             }
             lost.clear();
@@ -145,7 +145,7 @@ impl Update<'_, '_> {
                     && mesh.vertex_is_live(v)
                     && strips.crosses(k, rest, v, anchor)
                 {
-                    report.influences_removed += usize::from(rows.open(v, map).remove(j));
+                    report.influences_removed += usize::from(rows.open(v, map).part(j));
                 }
             });
         }
@@ -169,7 +169,7 @@ impl Update<'_, '_> {
                     continue;
                 }
                 if strips.crosses(k, rest, v, map.anchors[j.index()]) {
-                    report.influences_removed += usize::from(rows.open(v, map).remove(j));
+                    report.influences_removed += usize::from(rows.open(v, map).part(j));
                 }
             }
         }

@@ -23,7 +23,7 @@ pub(super) struct Holders {
     bounds: Lists<[Vec3A; 2]>,
     /// Bounds of each [`BLOCKS`] blocks.
     outer: Lists<[Vec3A; 2]>,
-    /// Of each vertex whose row was noted a hash of the row and of where the vertex was, 0 of others.
+    /// Of each vertex whose row was noted after an undo or a redo that knew it, a hash of the row and of where the vertex was; 0 of others.
     noted: Vec<u64>,
     /// One more than the highest vertex ever listed, and the same at the last undo or redo.
     ends: usize,
@@ -64,14 +64,15 @@ impl Holders {
     /// Notes the row of `v`, which is at `at`. What the row was before, `old`, is known. Both in order of particles; were they not,
     /// some would be listed twice.
     pub(super) fn note_row(&mut self, v: VertexId, at: DVec3, row: &[Influence], mut old: &[Influence]) {
-        let hash = row_hash(at, row);
         let may_be_listed = v.index() < self.ends_before;
-        if may_be_listed && self.noted[v.index()] == hash {
-            return;
-        }
         self.ends = self.ends.max(v.index() + 1);
-        fit(&mut self.noted, self.ends, 0);
-        self.noted[v.index()] = hash;
+        if may_be_listed {
+            fit(&mut self.noted, self.ends_before, 0);
+            let hash = row_hash(at, row);
+            if std::mem::replace(&mut self.noted[v.index()], hash) == hash {
+                return;
+            }
+        }
         let bounds = [below(at), above(at)];
         for influence in row {
             let j = influence.particle;

@@ -28,6 +28,7 @@ pub(super) struct LinkTests {
     particles: Vec<NearStrips>,
     lists: StripLists,
     found: Vec<u32>,
+    batches: Vec<usize>,
     /// Ends of links that were tested, each in the place that its number says, and one for two that share a place.
     ends: Vec<TestedEnd>,
     spare_end: TestedEnd,
@@ -104,7 +105,11 @@ impl StripsAround {
 /// one. Oldest first, each once.
 fn list_strips_around<T: Ord>(strips: &Strips, v: VertexId, list: &mut Vec<T>, entry: impl Fn(u32) -> T) {
     list.clear();
-    list.extend(strips.lip_sides(v).iter().flat_map(|lip| strips.around(lip.strip as usize)).map(|k| entry(k as u32)));
+    let sides = strips.lip_sides(v);
+    if sides.is_empty() {
+        return;
+    }
+    list.extend(sides.iter().flat_map(|lip| strips.around(lip.strip as usize)).map(|k| entry(k as u32)));
     list.sort_unstable();
     list.dedup();
 }
@@ -158,6 +163,17 @@ impl Sights {
                 normals[lane] = sight.normals[d][plane];
             }
         }
+    }
+
+    /// False only if no link from the anchor to a point of a box can meet any of the strips: `d` is the way to the box's middle, `half` its
+    /// half-width, and links go no further than `low` and `high`.
+    fn may_be_met(&self, (d, half): (Vec3A, Vec3A), (low, high): (Vec3A, Vec3A), slack: Vec4) -> bool {
+        if (self.bounds[0].cmpgt(high) | self.bounds[1].cmplt(low)).any() {
+            return false;
+        }
+        let most = |[x, y, z]: [Vec4; 3]| x * d.x + y * d.y + z * d.z + (x.abs() * half.x + y.abs() * half.y + z.abs() * half.z);
+        let [a, b, c, d] = self.normals.map(|plane| most(plane).cmpge(slack));
+        (a & b & c & d).any()
     }
 
     /// Lanes whose strips a link may meet that goes by `d` and no further than `low` and `high`.
@@ -234,16 +250,27 @@ impl LinkUnderTest<'_> {
 }
 
 impl NearStrips {
-    /// True if no strip lies between the anchor and `v`. `around` are the strips that `v` may know its side of.
-    fn connects(&mut self, link: &mut LinkUnderTest<'_>, listed: Listed<'_>, radius: f64, around: &[(u32, u16)]) -> bool {
-        if listed.strips.get(self.parting).is_some_and(|&s| link.crosses_listed(s, around)) {
-            return false;
-        }
+    /// True if no strip lies between the anchor and `v`. `around` are the strips that `v` may know its side of, `batches` the [`Sights`]
+    /// that the link may meet.
+    fn connects(
+        &mut self,
+        link: &mut LinkUnderTest<'_>,
+        listed: Listed<'_>,
+        radius: f64,
+        around: &[(u32, u16)],
+        batches: impl Iterator<Item = usize>,
+    ) -> bool {
         let [a, p] = link.ends();
         let (d, slack) = ((p - a).as_vec3a(), Vec4::splat(Sight::slack(radius)));
         let bounds = (below(a.min(p)), above(a.max(p)));
-        for (batch, sights) in listed.sights.iter().enumerate().rev() {
-            let mut met = sights.met(d, bounds, slack);
+        if let Some(&strip) = listed.strips.get(self.parting)
+            && listed.sights[self.parting / BATCH].met(d, bounds, slack) >> (self.parting % BATCH) & 1 == 1
+            && link.crosses_listed(strip, around)
+        {
+            return false;
+        }
+        for batch in batches {
+            let mut met = listed.sights[batch].met(d, bounds, slack);
             while met != 0 {
                 let i = BATCH * batch + met.trailing_zeros() as usize;
                 met &= met - 1;
@@ -328,22 +355,49 @@ impl LinkTests {
         settings: &ParticleSettings,
         (j, v): (ParticleId, VertexId),
     ) -> bool {
+        let radius = settings.radius_of(map, j);
+        self.bring_up(strips, rest, map, radius, j);
+        let batches = 0..self.lists.of(j).sights.len();
         let mut is_connected = false;
-        self.each_connected((strips, rest, map, settings), j, std::iter::once(v), |_| is_connected = true);
+        let link = (strips, rest, map.anchors[j.index()]);
+        self.each(link, (j, radius), std::iter::once(v), batches.rev(), |_, connects| is_connected = connects);
         is_connected
     }
 
-    /// Calls `found` for those of `vertices`, all within the radius of `j`, that no strip parts from its anchor.
-    pub(super) fn each_connected(
+    /// Tells of each of `vertices`, which lie near one another and within the radius of `j`, whether no strip parts it from the anchor.
+    pub(super) fn each_near(
         &mut self,
         (strips, rest, map, settings): (&Strips, &[DVec3], &ParticleMap, &ParticleSettings),
         j: ParticleId,
-        vertices: impl Iterator<Item = VertexId>,
-        mut found: impl FnMut(VertexId),
+        vertices: &[VertexId],
+        tell: impl FnMut(VertexId, bool),
     ) {
         let radius = settings.radius_of(map, j);
         self.bring_up(strips, rest, map, radius, j);
         let anchor = map.anchors[j.index()];
+        let at = rest[anchor.index()];
+        let grow = |(low, high): (DVec3, DVec3), v: &VertexId| (low.min(rest[v.index()]), high.max(rest[v.index()]));
+        let (low, high) = vertices.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), grow);
+        let to = ((0.5 * (low + high) - at).as_vec3a(), (0.5 * (high - low)).as_vec3a());
+        let (bounds, slack) = ((below(at.min(low)), above(at.max(high))), Vec4::splat(Sight::slack(radius)));
+        let mut batches = std::mem::take(&mut self.batches);
+        batches.clear();
+        let sights = self.lists.of(j).sights.iter().enumerate().rev();
+        batches.extend(sights.filter(|(_, sights)| sights.may_be_met(to, bounds, slack)).map(|(batch, _)| batch));
+        self.each((strips, rest, anchor), (j, radius), vertices.iter().copied(), batches.iter().copied(), tell);
+        self.batches = batches;
+    }
+
+    /// Tells of each of `vertices`, all within the radius of `j`, whether no strip parts it from the anchor. `batches` are the [`Sights`]
+    /// of `j` that a link to any of them may meet, newest first.
+    fn each(
+        &mut self,
+        (strips, rest, anchor): (&Strips, &[DVec3], VertexId),
+        (j, radius): (ParticleId, f64),
+        vertices: impl Iterator<Item = VertexId>,
+        batches: impl Iterator<Item = usize> + Clone,
+        mut tell: impl FnMut(VertexId, bool),
+    ) {
         self.make_ends();
         let Self { particles, lists, ends, spare_end, .. } = self;
         let (near, listed) = (&mut particles[j.index()], lists.of(j));
@@ -357,9 +411,7 @@ impl LinkTests {
             let TestedEnd { around, views, .. } = to;
             let is_lip = near.lips > 0;
             let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip, views: [&mut from.views, views] };
-            if near.connects(&mut link, listed, radius, around.of(strips, rest, v)) {
-                found(v);
-            }
+            tell(v, near.connects(&mut link, listed, radius, around.of(strips, rest, v), batches.clone()));
         }
         std::mem::swap(&mut ends[anchor.index() % ENDS], spare_end);
     }
@@ -379,6 +431,7 @@ impl LinkTests {
         self.lists.sights.reserve(ROOM / BATCH);
         self.lists.unlisted.reserve(ROOM / BATCH);
         self.found.reserve(FOUND);
+        self.batches.reserve(FOUND);
         self.spare_end = TestedEnd::with_room();
     }
 

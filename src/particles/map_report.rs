@@ -5,7 +5,7 @@ use crate::geometry::{ParticleId, VertexId};
 /// What [`super::update_after_edit`] or [`super::release_slit`] did.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapUpdateReport {
-    /// Vertices whose influences changed, sorted. New vertices are among them.
+    /// Vertices whose influences changed, each once. New vertices are among them.
     pub vertices_changed: Vec<VertexId>,
     /// Particles whose anchor, rest displacement or neighbours changed, sorted. New particles are among them.
     pub particles_changed: Vec<ParticleId>,

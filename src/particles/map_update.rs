@@ -8,6 +8,8 @@ use super::build::{link_weight, normalise};
 use super::cut_links::Codes;
 use super::flood::Flood;
 use super::link_tests::LinkTests;
+use super::links_wanted::{LinksWanted, ParticleBits};
+use super::map_edit::{LipVertex, MapEdit};
 use super::map_report::MapUpdateReport;
 use super::particle_map::{Influence, Link, ParticleMap};
 use super::reaches::Reaches;
@@ -24,41 +26,8 @@ use std::ops::Range;
 /// they push out no link that was there.
 pub const EXTRA_INFLUENCES: usize = 16;
 
-/// A vertex that an edit made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct NewVertex {
-    /// The vertex.
-    pub vertex: VertexId,
-    /// What it was made from: the ends of the edge it cuts, the corners of the face it pierces, or the vertex it is a copy
-    /// of. [`VertexId::NONE`] where unused. A parent that is new itself comes earlier in the list.
-    pub parents: [VertexId; 3],
-    /// True if the parents only move it and it does not lie between them: it shares no lip with them.
-    pub is_apart: bool,
-}
-
-/// A vertex on the lip of a slit.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct LipVertex {
-    /// The vertex.
-    pub vertex: VertexId,
-    /// Index of the strip.
-    pub strip: usize,
-    /// +1 on the side of the strip's normal `(tip1 - tip0) x (base - tip)`, -1 on the other.
-    pub side: i8,
-}
-
-/// What an edit did to the mesh, as far as the particle map needs to know. All slices may be empty.
-#[derive(Clone, Debug, Default)]
-pub struct MapEdit<'a> {
-    /// Vertices that the edit made, copies included.
-    pub new_vertices: &'a [NewVertex],
-    /// Vertices that no face uses any more.
-    pub removed_vertices: &'a [VertexId],
-    /// Strips that the edit made, already pushed to [`Strips`].
-    pub new_strips: Range<usize>,
-    /// Vertices on the lips of the new strips, those of both triangulation passes.
-    pub lips: &'a [LipVertex],
-}
+/// Links of a particle to vertices next to each other that are tested together.
+const TOGETHER: usize = 8;
 
 /// Scratch of [`update_after_edit`], kept between updates.
 #[derive(Clone, Debug, Default)]
@@ -69,8 +38,8 @@ pub struct UpdateScratch {
     pub(super) zone: (DVec3, DVec3),
     /// Live and clipped particles near the wound, sorted.
     pub(super) near: Vec<ParticleId>,
-    /// A bit a particle, to put `near` in order.
-    is_near: Vec<u64>,
+    /// To put lists of particles in order.
+    bits: ParticleBits,
     /// The tissue's, for the time of an update.
     pub(super) tests: LinkTests,
     pub(super) codes: Codes,
@@ -83,6 +52,8 @@ pub struct UpdateScratch {
     tried: Vec<u32>,
     visits: u32,
     untried: Vec<ParticleId>,
+    /// Vertices around one.
+    ring: Vec<VertexId>,
     /// Particles that no strip parts from an orphan, with their weights, in `orphans`.
     pub(super) seen: Vec<(f64, ParticleId)>,
     /// Particles whose links are to be found: new and re-anchored ones.
@@ -93,6 +64,9 @@ pub struct UpdateScratch {
     /// Sides that all parents of a new vertex are on.
     common: Vec<LipSide>,
     candidates: Vec<ParticleId>,
+    /// Links that new vertices may have, and those of one particle among them that are short enough.
+    wanted: LinksWanted,
+    in_reach: Vec<VertexId>,
     row: Vec<Influence>,
     pub(super) lost: Vec<ParticleId>,
     /// Lips of the strip that a slit ends with.
@@ -219,24 +193,19 @@ impl Update<'_, '_> {
         let s = &mut *self.scratch;
         s.zone = (low, high);
         s.near.clear();
-        s.is_near.clear();
-        s.is_near.resize(map.len().div_ceil(64), 0u64);
+        s.bits.fit(map.len());
         places.anchors.visit(low - reach, high + reach, |j| {
             if let Some(anchor) = map.anchors.get(j as usize).filter(|a| a.is_some())
                 && is_within(rest[anchor.index()], low - reach, high + reach)
             {
-                s.is_near[j as usize / 64] |= 1 << (j % 64);
+                s.bits.set(ParticleId(j));
             }
         });
         s.reaches.begin(map.len());
-        for (word, bits) in s.is_near.iter_mut().enumerate() {
-            while *bits != 0 {
-                let j = ParticleId::new(64 * word + bits.trailing_zeros() as usize);
-                s.near.push(j);
-                s.reaches.note(self.settings, map, rest, j);
-                *bits &= *bits - 1;
-            }
-        }
+        s.bits.drain(|j| {
+            s.near.push(j);
+            s.reaches.note(self.settings, map, rest, j);
+        });
         s.rows.begin(mesh.vertex_slots());
         s.unlinked.clear();
         true
@@ -266,23 +235,39 @@ impl Update<'_, '_> {
 
     /// Rows of new vertices: what reached their parents and still connects.
     fn give_new_vertices_rows(&mut self) {
-        let mut candidates = std::mem::take(&mut self.scratch.candidates);
+        fit(&mut self.scratch.tried, self.map.len(), 0);
+        self.scratch.wanted.begin(self.map.len());
         for new in self.edit.new_vertices.iter().filter(|n| self.mesh.vertex_is_live(n.vertex)) {
+            let visit = self.scratch.visit();
+            let UpdateScratch { rows, tried, candidates, wanted, .. } = &mut *self.scratch;
             candidates.clear();
-            for parent in new.parents.into_iter().filter(|p| p.is_some()) {
-                candidates.extend_from_slice(self.scratch.rows.inherited(parent));
-                candidates.extend(self.map.influences.row(parent.index()).iter().map(|e| e.particle));
-            }
-            candidates.sort_unstable();
-            candidates.dedup();
-            self.scratch.rows.open_new(new.vertex, &candidates);
-            for &j in &candidates {
-                if self.may_link(new.vertex, j) {
-                    self.scratch.rows.open(new.vertex, self.map).add(j);
+            let mut note = |j: ParticleId| {
+                if std::mem::replace(&mut tried[j.index()], visit) != visit {
+                    candidates.push(j);
                 }
+            };
+            for parent in new.parents.into_iter().filter(|p| p.is_some()) {
+                rows.inherited(parent).iter().for_each(|&j| note(j));
+                self.map.influences.row(parent.index()).iter().for_each(|e| note(e.particle));
             }
+            rows.open_new(new.vertex, candidates);
+            candidates.iter().for_each(|&j| wanted.push(j, new.vertex));
         }
-        self.scratch.candidates = candidates;
+        // particle by particle: what is known of its strips serves all of its links
+        let Self { rest, settings, scratch, .. } = self;
+        let (map, strips, rest, settings) = (&*self.map, &*self.strips, *rest, *settings);
+        let UpdateScratch { rows, reaches, tests, in_reach, wanted, bits, .. } = &mut **scratch;
+        wanted.particles(bits);
+        bits.drain(|j| {
+            in_reach.clear();
+            in_reach.extend(wanted.of(j).filter(|&v| reaches.weight(settings, map, rest, v, j) > 0.0));
+            if !in_reach.is_empty() {
+                tests.each_near((strips, rest, map, settings), j, in_reach, |v, connects| {
+                    let row = rows.open(v, map);
+                    if connects { row.add(j) } else { row.refuse(j) }
+                });
+            }
+        });
     }
 
     /// True if `j` is near enough to move `v` and no strip lies between them.
@@ -356,7 +341,6 @@ impl Update<'_, '_> {
     /// and those that no parent had.
     fn regain(&mut self) {
         let limit = self.settings.max_influences;
-        fit(&mut self.scratch.tried, self.map.len(), 0);
         self.scratch.rows.list(&mut self.scratch.work);
         let mut next = 0;
         while next < self.scratch.work.len() {
@@ -385,13 +369,18 @@ impl Update<'_, '_> {
         }
     }
 
-    /// Collects the particles that hold vertices next to `v` and not `v` itself, each once.
+    /// Collects the particles that hold vertices next to `v` and not `v` itself, each once, but for those that a strip is known to
+    /// part from it.
     fn list_untried(&mut self, v: VertexId) {
         let visit = self.scratch.visit();
-        let UpdateScratch { rows, tried, untried, .. } = &mut *self.scratch;
+        let UpdateScratch { rows, tried, untried, ring, .. } = &mut *self.scratch;
         untried.clear();
         rows.each(v, self.map, |j| tried[j.index()] = visit);
-        for n in self.mesh.neighbours(v) {
+        // one that has another anchor since was refused at its old one
+        let stands = |j: &&ParticleId| !self.report.reanchored.contains(j);
+        rows.refused(v).iter().filter(stands).for_each(|j| tried[j.index()] = visit);
+        self.mesh.list_neighbours(v, ring);
+        for &n in &*ring {
             rows.each(n, self.map, |j| {
                 // what one neighbour has, the others mostly have too
                 if std::mem::replace(&mut tried[j.index()], visit) != visit {
@@ -463,9 +452,17 @@ impl Update<'_, '_> {
         self.scratch.flood.ball(self.mesh, self.rest, anchor, self.settings.radius_of(self.map, j));
         let Self { rest, settings, scratch, .. } = self;
         let (map, strips, rest, settings) = (&*self.map, &*self.strips, *rest, *settings);
-        let UpdateScratch { flood, rows, reaches, tests, .. } = &mut **scratch;
-        let in_reach = flood.reached.iter().copied().filter(|&v| reaches.weight(settings, map, rest, v, j) > 0.0);
-        tests.each_connected((strips, rest, map, settings), j, in_reach, |v| rows.open(v, map).add(j));
+        let UpdateScratch { flood, rows, reaches, tests, in_reach, .. } = &mut **scratch;
+        in_reach.clear();
+        in_reach.extend(flood.reached.iter().copied().filter(|&v| reaches.weight(settings, map, rest, v, j) > 0.0));
+        // what the flood has reached together lies together
+        for near in in_reach.chunks(TOGETHER) {
+            tests.each_near((strips, rest, map, settings), j, near, |v, connects| {
+                if connects {
+                    rows.open(v, map).add(j);
+                }
+            });
+        }
     }
 
     /// A new particle is joined to those that hold its anchor: near, on its sheet, and on its side of every strip.
@@ -562,17 +559,15 @@ impl Update<'_, '_> {
         self.report.vertices_changed.push(v);
     }
 
-    pub(super) fn finish(mut self) -> MapUpdateReport {
-        self.strips.places.links = std::mem::take(&mut self.scratch.tests);
-        self.report.vertices_changed.sort_unstable();
-        self.report.vertices_changed.dedup();
-        self.report.relinked.sort_unstable();
-        self.report.relinked.dedup();
-        let relinked = &self.report.relinked;
-        self.report.particles_changed.extend_from_slice(relinked);
-        self.report.particles_changed.sort_unstable();
-        self.report.particles_changed.dedup();
-        self.report
+    pub(super) fn finish(self) -> MapUpdateReport {
+        let Self { strips, scratch, mut report, map, .. } = self;
+        strips.places.links = std::mem::take(&mut scratch.tests);
+        let bits = &mut scratch.bits;
+        bits.fit(map.len());
+        bits.sort(&mut report.relinked);
+        report.particles_changed.extend_from_slice(&report.relinked);
+        bits.sort(&mut report.particles_changed);
+        report
     }
 }
 

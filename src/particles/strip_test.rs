@@ -15,6 +15,8 @@ pub struct StripGeometry {
     normals: [DVec3; 2],
     /// The same, of unit length; zero for a triangle without area.
     units: [DVec3; 2],
+    /// That of both together.
+    normal: DVec3,
     /// A thousand roundings of a height over each triangle, for a point one metre off (sum of coordinates).
     roundings: [f64; 2],
     /// Dual vectors of the two edges that leave a triangle's first corner: they give a point's coordinates along those edges.
@@ -93,14 +95,15 @@ impl StripGeometry {
         let low = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
         let high = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
         let units = normals.map(DVec3::normalize_or_zero);
+        let normal = (normals[0] + normals[1]).normalize_or_zero();
         let roundings = normals.map(|n| 1e-13 * n.abs().element_sum());
         let duals = triangles.map(duals);
-        Self { triangles, normals, units, roundings, duals, low, high, margin: 0.25 * d }
+        Self { triangles, normals, units, normal, roundings, duals, low, high, margin: 0.25 * d }
     }
 
     /// Unit normal towards side +1, zero for a strip without area.
     pub fn normal(&self) -> DVec3 {
-        (self.normals[0] + self.normals[1]).normalize_or_zero()
+        self.normal
     }
 
     /// The side of the strip that a point over or under it lies on; 0 for one beside it.

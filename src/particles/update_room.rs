@@ -15,7 +15,7 @@ impl UpdateScratch {
         self.rows.make_room(EDIT_ROOM, slots);
         self.reaches.make_room(all);
         self.near.reserve(all);
-        self.is_near.reserve(all / 64 + 1);
+        self.bits.fit(all);
         self.codes.make_room(all);
         self.work.reserve(4 * EDIT_ROOM);
         self.weighted.reserve(EDIT_ROOM);
@@ -23,12 +23,15 @@ impl UpdateScratch {
         self.row_of_links.reserve(EDIT_ROOM);
         self.tried.reserve(all);
         self.untried.reserve(EDIT_ROOM);
+        self.ring.reserve(EDIT_ROOM);
         self.seen.reserve(EDIT_ROOM);
         self.unlinked.reserve(EDIT_ROOM);
         self.old_rows.reserve(EDIT_ROOM);
         self.old_entries.reserve(4 * EDIT_ROOM);
         self.common.reserve(EDIT_ROOM);
         self.candidates.reserve(EDIT_ROOM);
+        self.wanted.make_room(all, 16 * EDIT_ROOM);
+        self.in_reach.reserve(EDIT_ROOM);
         self.row.reserve(EDIT_ROOM);
         self.lost.reserve(EDIT_ROOM);
         self.lips.reserve(EDIT_ROOM);

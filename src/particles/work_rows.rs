@@ -15,6 +15,8 @@ pub struct WorkRow {
     vertex: VertexId,
     is_new: bool,
     len: u8,
+    refused: u8,
+    /// Those that hold the vertex, from the front; from the back, as far as there is room, some that a strip parts from it.
     particles: [ParticleId; ROOM],
     /// For a new vertex: what its parents had, tested or not, for the vertices made from it.
     inherited: (u32, u32),
@@ -27,7 +29,22 @@ impl WorkRow {
         if len < ROOM && !self.particles[..len].contains(&j) {
             self.particles[len] = j;
             self.len += 1;
+            self.refused = self.refused.min((ROOM - len - 1) as u8);
         }
+    }
+
+    /// Notes that a strip parts a particle from the vertex: it need not be asked again.
+    pub fn refuse(&mut self, j: ParticleId) {
+        let (len, refused) = (usize::from(self.len), usize::from(self.refused));
+        if len + refused < ROOM {
+            self.particles[ROOM - 1 - refused] = j;
+            self.refused += 1;
+        }
+    }
+
+    /// Particles that [`WorkRow::refuse`] was told of, as far as there was room for them.
+    pub fn refused(&self) -> &[ParticleId] {
+        &self.particles[ROOM - usize::from(self.refused)..]
     }
 
     /// Removes a particle; false if it is not there.
@@ -37,6 +54,15 @@ impl WorkRow {
         self.particles.copy_within(at + 1..len, at);
         self.len -= 1;
         true
+    }
+
+    /// Removes a particle that a strip parts from the vertex; false if it is not there.
+    pub fn part(&mut self, j: ParticleId) -> bool {
+        let is_there = self.remove(j);
+        if is_there {
+            self.refuse(j);
+        }
+        is_there
     }
 
     /// Number of particles.
@@ -102,7 +128,8 @@ impl WorkRows {
 
     fn push(&mut self, v: VertexId) {
         self.slots[v.index()] = (self.round, self.rows.len() as u32);
-        self.rows.push(WorkRow { vertex: v, is_new: false, len: 0, particles: [ParticleId::NONE; ROOM], inherited: (0, 0) });
+        let particles = [ParticleId::NONE; ROOM];
+        self.rows.push(WorkRow { vertex: v, is_new: false, len: 0, refused: 0, particles, inherited: (0, 0) });
     }
 
     /// True if the row of `v` is open.
@@ -137,6 +164,11 @@ impl WorkRows {
         } else {
             map.influences.row(v.index()).iter().for_each(|e| found(e.particle));
         }
+    }
+
+    /// Particles that a strip was seen to part from `v` in this update.
+    pub fn refused(&self, v: VertexId) -> &[ParticleId] {
+        if self.is_open(v) { self.rows[self.slots[v.index()].1 as usize].refused() } else { &[] }
     }
 
     /// True if `j` holds `v`.

@@ -5,8 +5,9 @@
 //! lips do not meet; it is set anew for the whole slit whenever the slit grows. Near an advancing blade it stays closed, so that the blade
 //! goes on through skin that its own wound does not pull aside.
 
+use super::map_edit::{LipVertex, MapEdit};
 use super::map_report::MapUpdateReport;
-use super::map_update::{LipVertex, MapEdit, Update, UpdateScratch};
+use super::map_update::{Update, UpdateScratch};
 use super::particle_map::ParticleMap;
 use super::settings::{ParticleSettings, WoundSettings};
 use super::strips::{LipSide, Strips, WoundMark};
