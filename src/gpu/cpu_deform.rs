@@ -105,7 +105,7 @@ fn place(view: &TissueView<'_>, v: VertexId, fading: bool) -> (DVec3, bool) {
         let alpha = Fades::weight(start, view.time_s, view.fade_duration_s);
         let offset = Vec3::new(x, y, z).as_dvec3() * alpha;
         if offset != DVec3::ZERO {
-            position += view.pose.blended_linear(view.rows, v) * offset;
+            position += view.pose.blended_carry(view.rows, v, offset);
             moved = true;
         }
     }

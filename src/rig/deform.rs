@@ -111,6 +111,11 @@ impl Fades {
 
     /// Starts the fade of `v`: `target - position` is what the vertex must be moved by now, `pose` and `rows` its skin.
     pub fn start(&mut self, rows: &VertexRows, pose: &Pose, v: VertexId, moved: DVec3, time_s: f64) {
+        self.start_from(rows, pose, v, (moved, DVec3::ZERO), time_s);
+    }
+
+    /// The same for a vertex that has yet to go by `offset` of an earlier fade, as [`Fades::offset`] tells it.
+    pub fn start_from(&mut self, rows: &VertexRows, pose: &Pose, v: VertexId, (moved, offset): (DVec3, DVec3), time_s: f64) {
         if self.entries.is_empty() {
             self.make_room(rows.len());
             self.entries = std::mem::take(&mut self.room);
@@ -123,7 +128,7 @@ impl Fades {
         let linear = pose.blended_linear(rows, v);
         // a blend that is near singular has no inverse worth using: the offset then stays in the posed frame's axes
         let inverse = if linear.determinant().abs() > 1e-9 { linear.inverse() } else { glam::DMat3::IDENTITY };
-        let c = (inverse * moved).as_vec3();
+        let c = (inverse * moved + offset).as_vec3();
         self.entries[v.index()] = [c.x, c.y, c.z, time_s as f32];
         self.note(v.index()..v.index() + 1);
         self.longest = self.longest.max(c.as_dvec3().length());
@@ -165,7 +170,7 @@ pub fn final_position<'a>(
     let mut position = displaced(pose.skin(rows, v), influences);
     let offset = fades.offset(v, time_s);
     if offset != DVec3::ZERO {
-        position += pose.blended_linear(rows, v) * offset;
+        position += pose.blended_carry(rows, v, offset);
     }
     position
 }

@@ -40,6 +40,12 @@ impl JointMatrix {
         DVec3::new(at(0), at(1), at(2))
     }
 
+    /// Transforms a direction, in f64: the linear part alone.
+    #[inline]
+    pub fn carry(&self, c: DVec3) -> DVec3 {
+        DVec3::new(self.row(0).0.dot(c), self.row(1).0.dot(c), self.row(2).0.dot(c))
+    }
+
     /// As an f64 transform.
     pub fn affine(&self) -> glam::DAffine3 {
         let translation = DVec3::new(self.row(0).1, self.row(1).1, self.row(2).1);
@@ -76,6 +82,19 @@ impl Pose {
             return self.base_linear(rows, v);
         }
         row.iter().fold(DMat3::ZERO, |sum, e| sum + self.base_linear(rows, e.base) * e.weight)
+    }
+
+    /// `A c` for the blended linear skin matrix `A` of a vertex, which need not be known for it.
+    pub fn blended_carry(&self, rows: &VertexRows, v: VertexId, c: DVec3) -> DVec3 {
+        let base = |v: VertexId| {
+            let bones = rows.bones.row(v.index());
+            if bones.is_empty() {
+                return c;
+            }
+            bones.iter().map(|b| self.joint_matrices[b.joint as usize].carry(c) * f64::from(b.weight)).sum()
+        };
+        let row = rows.rows.row(v.index());
+        if row.is_empty() { base(v) } else { row.iter().map(|e| base(e.base) * e.weight).sum() }
     }
 
     #[inline]

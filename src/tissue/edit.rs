@@ -257,9 +257,9 @@ impl Tissue {
         for (v, row) in before {
             let moved = if self.mesh.vertex_is_live(v) { self.moved_from(v, row) } else { DVec3::ZERO };
             if moved != DVec3::ZERO {
-                let faded = self.faded(v);
+                let offset = self.fades.offset(v, self.time_s);
                 self.end_fade(v);
-                self.start_fade(v, moved + faded);
+                self.start_fade(v, moved, offset);
             }
         }
     }
@@ -268,14 +268,14 @@ impl Tissue {
     pub(super) fn fade_from(&mut self, targets: impl Iterator<Item = (VertexId, DVec3)>) {
         for (v, target) in targets {
             self.end_fade(v);
-            self.start_fade(v, target - self.position(v));
+            self.start_fade(v, target - self.position(v), DVec3::ZERO);
         }
     }
 
     /// How far the fade of a vertex moves it now, metres.
     pub(super) fn faded(&self, v: VertexId) -> DVec3 {
         let offset = self.fades.offset(v, self.time_s);
-        if offset == DVec3::ZERO { offset } else { self.pose.blended_linear(&self.rows, v) * offset }
+        if offset == DVec3::ZERO { offset } else { self.pose.blended_carry(&self.rows, v, offset) }
     }
 
     /// Ends the fade of a vertex, if it has one.
@@ -284,10 +284,10 @@ impl Tissue {
         self.fades.clear(v);
     }
 
-    /// Starts the fade of a vertex without one, which is to stand `moved` from its place.
-    fn start_fade(&mut self, v: VertexId, moved: DVec3) {
-        if moved.length() > FADE_THRESHOLD * self.diagonal {
-            self.fades.start(&self.rows, &self.pose, v, moved, self.time_s);
+    /// Starts the fade of a vertex without one, which is to stand `moved` from its place, and by `offset` of a fade that has ended.
+    fn start_fade(&mut self, v: VertexId, moved: DVec3, offset: DVec3) {
+        if offset != DVec3::ZERO || moved.length() > FADE_THRESHOLD * self.diagonal {
+            self.fades.start_from(&self.rows, &self.pose, v, (moved, offset), self.time_s);
             self.versions.fades += 1;
         }
     }

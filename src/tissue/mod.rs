@@ -214,7 +214,7 @@ impl SoftLayer {
     fn opened(&self, particle: usize, rows: &VertexRows, pose: &Pose) -> DVec3 {
         let opening = self.opening.get(particle).copied().unwrap_or_default();
         let anchor = self.map.anchors[particle];
-        if opening == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { pose.blended_linear(rows, anchor) * opening }
+        if opening == DVec3::ZERO || anchor.is_none() { DVec3::ZERO } else { pose.blended_carry(rows, anchor, opening) }
     }
 
     /// True while a wound opens.

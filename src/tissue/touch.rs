@@ -159,7 +159,7 @@ impl Tissue {
         for (&anchor, &rest_normal) in layer.map.anchors.iter().zip(&touch.rest_normals) {
             let live = anchor.is_some();
             touch.anchors.push(live.then(|| pose.skin(rows, anchor)));
-            let turned = if live { pose.blended_linear(rows, anchor) * rest_normal } else { DVec3::ZERO };
+            let turned = if live { pose.blended_carry(rows, anchor, rest_normal) } else { DVec3::ZERO };
             touch.normals.push(turned.normalize_or_zero());
         }
         touch.made_for = Some(wanted);
