@@ -67,7 +67,7 @@ impl StrokeOf {
     }
 
     /// Notes what has changed since the last call, and tells those who keep a mirror.
-    fn note_changes(&mut self, tissue: &mut Tissue, changes: &mut Changes) {
+    fn note_changes(&mut self, tissue: &mut Tissue, changes: &mut Changes, measuring: bool) {
         let Self { id, stroke, undo, rest, bytes, distinct, .. } = self;
         tissue.take_delta_into(rest);
         let mut note = |delta: &mut TissueDelta| {
@@ -76,7 +76,7 @@ impl StrokeOf {
         };
         *bytes += stroke.drain_deltas(&mut note);
         if !rest.is_empty() {
-            *bytes += rest.upload_bytes(distinct);
+            *bytes += if measuring { rest.upload_bytes(distinct) } else { 0 };
             note(rest);
         }
     }
@@ -97,6 +97,7 @@ impl Scene {
             };
             stroke.before.renew(tissue, self.measuring);
             stroke.stroke.set_wall(self.wall);
+            stroke.stroke.set_counting(self.measuring);
             tissue.take_delta_into(&mut stroke.undo);
             debug_assert!(stroke.undo.is_empty(), "an edit has left notes");
             self.strokes.push(stroke);
@@ -108,7 +109,7 @@ impl Scene {
             if let Some(tissue) = self.tissues.get_mut(&stroke.id) {
                 let (tip, base) = (tissue.to_tissue(pose.tip), tissue.to_tissue(pose.base));
                 stroke.stroke.push(tissue, BladePose { tip, base, ..pose });
-                stroke.note_changes(tissue, &mut self.changes);
+                stroke.note_changes(tissue, &mut self.changes, self.measuring);
             }
         }
     }
@@ -123,7 +124,7 @@ impl Scene {
         for ended in &mut strokes {
             let Some(tissue) = self.tissues.get_mut(&ended.id) else { continue };
             ended.stroke.release(tissue);
-            ended.note_changes(tissue, &mut self.changes);
+            ended.note_changes(tissue, &mut self.changes, self.measuring);
             let StrokeOf { id, ref stroke, ref mut before, ref mut undo, .. } = *ended;
             report.area_before += before.area;
             report.volume_before += before.volume;

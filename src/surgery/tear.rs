@@ -12,6 +12,7 @@ use super::tear_walls::{WallScratch, WallSpec};
 use crate::geometry::room::fit;
 use crate::geometry::{FaceId, FaceInfo, HalfEdge, Mesh, NewFace, Plane, SplitVertex, TopologyScratch, VertexId, WedgeId};
 use glam::DVec3;
+use smallvec::SmallVec;
 
 /// A convex body: the meet of the negative sides of its planes, at most [`MAX_PLANES`].
 #[derive(Clone, Copy, Debug)]
@@ -138,6 +139,9 @@ pub struct TearScratch {
     /// As in [`WallSpec`]; 0 for an open tear.
     grain: f64,
 }
+
+/// What is beyond a plane by this share of the body's size is so for certain, however its distance is rounded.
+const CLEARLY: f64 = 1e-6;
 
 const NO_SLOT: u32 = u32::MAX;
 
@@ -270,6 +274,9 @@ impl TearScratch {
         position: &impl Fn(VertexId) -> DVec3,
         tags: &[OnPlanes],
     ) {
+        let slack = CLEARLY * (body.max - body.min).length();
+        let beyond: SmallVec<[(DVec3, f64); MAX_PLANES]> =
+            body.planes.iter().map(|plane| (plane.normal(), slack - plane.distance(DVec3::ZERO))).collect();
         let spared = |f: &FaceId| walls.is_some_and(|w| w.remove.binary_search(f).is_ok() || w.keep.binary_search(f).is_ok());
         for &face in candidates {
             if spared(&face) {
@@ -279,6 +286,10 @@ impl TearScratch {
             let corners = slots.map(|s| self.positions[s]);
             let (low, high) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
             if low.cmpgt(body.max).any() || high.cmplt(body.min).any() {
+                continue;
+            }
+            // most are beyond one plane by more than rounding: their exact values say no more
+            if beyond.iter().any(|(n, level)| corners.iter().all(|p| n.dot(*p) > *level)) {
                 continue;
             }
             slots.iter().for_each(|&s| self.give_values(mesh, s, body, position, tags));

@@ -2,6 +2,8 @@
 
 #[path = "box_planes.rs"]
 mod box_planes;
+#[path = "segment_report.rs"]
+mod segment_report;
 #[path = "slit_stroke.rs"]
 mod slit_stroke;
 #[path = "stroke_room.rs"]
@@ -12,7 +14,6 @@ mod stroke_ties;
 use super::inside::{CLEARANCE, Seen, corners_inside, is_buried, is_crumpled};
 use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
-use crate::diagnostics::Stages;
 use crate::geometry::{Distinct, FaceId, VertexId};
 use crate::particles::LipVertex;
 use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
@@ -20,6 +21,7 @@ use crate::surgery::tear_walls::WallSpec;
 use crate::surgery::{BladePose, JointId, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
 use box_planes::BoxPlanes;
 use glam::{DMat3, DVec3};
+pub use segment_report::SegmentReport;
 use slit_stroke::SlitState;
 pub(super) use slit_stroke::{at_rest, bind_slit};
 use stroke_ties::Tie;
@@ -39,40 +41,6 @@ const MOST_WALLS_CUT: [usize; 2] = [300, 700];
 
 /// Boxes that the next may go on from: the ends of two chains at a pivot, what came before them, and boxes of a cone's tip between.
 const ENDS_KEPT: usize = 8;
-
-/// The paper's rows for one segment, with what it did.
-#[derive(Clone, Debug, Default)]
-pub struct SegmentReport {
-    /// Milliseconds: perform_tear (clip, retriangulate), bind (rows of the inserted vertices), disconnect_particles (the
-    /// strip), update_particles (the map), update_mesh (closing the notes that a mirror and undo follow).
-    pub stages: Stages,
-    /// Vertices inserted.
-    pub new_vertices: usize,
-    /// Faces looked at.
-    pub faces_visited: usize,
-    /// Vertices that the update of the particle map looked at.
-    pub vertices_visited: usize,
-    /// Bytes of the entries that a mirror has to follow.
-    pub bytes_changed: usize,
-    /// Crossings of planes with edges and faces.
-    pub intersection_points: usize,
-    /// Area taken out, square metres.
-    pub area_removed: f64,
-    /// Edges opened (width 0).
-    pub opened_edges: usize,
-    /// Particles that the wound was given.
-    pub wound_particles: usize,
-    /// Faces of walls and floor put in (closed tears).
-    pub wall_faces: usize,
-    /// Edges of the rim that got no wall, because the model was open there.
-    pub unclosed_edges: usize,
-    /// How far the rest position and bones of a wall's corner miss its place, metres: a fade holds it there (MATHS 1.4).
-    pub wall_deviation: f64,
-    /// Smallest angle of the faces put in, radians; a right angle without any.
-    pub smallest_angle: f64,
-    /// Rows that grew too long and became base vertices.
-    pub promoted_vertices: usize,
-}
 
 /// What a box leaves for the next of its chain.
 #[derive(Default)]
@@ -134,8 +102,9 @@ pub struct TearStroke {
     deltas: Vec<TissueDelta>,
     /// Deltas that have been handed over, for their room.
     spare_deltas: Vec<TissueDelta>,
-    /// What `deltas` need on the GPU.
+    /// What `deltas` need on the GPU, if that is counted.
     bytes_changed: usize,
+    counts_bytes: bool,
     distinct: Distinct,
     planes: BoxPlanes,
     tags: Vec<OnPlanes>,
@@ -179,6 +148,7 @@ impl TearStroke {
             deltas: Vec::new(),
             spare_deltas: Vec::new(),
             bytes_changed: 0,
+            counts_bytes: true,
             distinct: Distinct::default(),
             planes: BoxPlanes::default(),
             tags: Vec::new(),
@@ -238,6 +208,11 @@ impl TearStroke {
         self.stroke.set_width(self.width + wider);
     }
 
+    /// Whether the bytes are counted that a GPU mirror needs to follow; they are unless told otherwise.
+    pub fn set_counting(&mut self, counts_bytes: bool) {
+        self.counts_bytes = counts_bytes;
+    }
+
     /// Width and clearance of the boxes, if they have walls.
     fn walled_by(&self) -> Option<(f64, f64)> {
         (self.wall == WallMode::Closed).then_some((self.width, self.clearance))
@@ -281,7 +256,7 @@ impl TearStroke {
     }
 
     /// Hands over what the boxes have changed since the last call, oldest first, and returns how many bytes a GPU mirror needs to
-    /// follow. The room that `each` leaves is used again.
+    /// follow, 0 if they are not counted. The room that `each` leaves is used again.
     pub fn drain_deltas(&mut self, mut each: impl FnMut(&mut TissueDelta)) -> usize {
         for mut delta in self.deltas.drain(..) {
             each(&mut delta);
@@ -294,8 +269,10 @@ impl TearStroke {
     fn close_notes(&mut self, tissue: &mut Tissue, report: &mut SegmentReport) {
         let mut delta = self.spare_deltas.pop().unwrap_or_default();
         report.stages.time("update_mesh", || tissue.take_delta_into(&mut delta));
-        report.bytes_changed = delta.upload_bytes(&mut self.distinct);
-        self.bytes_changed += report.bytes_changed;
+        if self.counts_bytes {
+            report.bytes_changed = delta.upload_bytes(&mut self.distinct);
+            self.bytes_changed += report.bytes_changed;
+        }
         self.deltas.push(delta);
     }
 
