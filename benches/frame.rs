@@ -221,7 +221,7 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
     assert_eq!(allocations, [0; 4], "no frame of a stroke allocates");
     let row = |times: &mut [f64]| {
         let middle = median(times);
-        format!("{middle:.4} (99 %: {:.4})", times[times.len() * 99 / 100])
+        format!("{middle:.4} (99 %: {:.4}, most {:.4})", times[times.len() * 99 / 100], times[times.len() - 1])
     };
     let mut all: Vec<f64> = [&began, &moved, &cut, &ended].into_iter().flatten().copied().collect();
     println!("torn: all frames of the strokes {} ms", row(&mut all));

@@ -86,6 +86,8 @@ pub struct SlitScratch {
     values: Vec<f64>,
     planes: usize,
     faces: Vec<FaceId>,
+    /// Those of them whose bounds meet the leaf's, and whether they are slivers.
+    reached: Vec<(FaceId, bool)>,
     affected: Vec<Affected>,
     plane_edges: Vec<PlaneEdge>,
     edge_points: EdgePoints,
@@ -103,6 +105,13 @@ pub struct SlitScratch {
     opened: Vec<[HalfEdge; 2]>,
     sides: Vec<(VertexId, i8)>,
 }
+
+/// How thin a sliver is, in tolerances of a leaf.
+const SLIVER: f64 = 100.0;
+
+/// Where a leaf meets more slivers than this, those are not cut: a blade whose tip goes along in the skin
+/// leaves them at the same points again and again, and each leaf would cut them all in two.
+const MOST_SLIVERS: usize = 48;
 
 const NO_SLOT: u32 = u32::MAX;
 
@@ -241,12 +250,22 @@ impl SlitScratch {
     }
 
     fn cross_faces<P: Fn(VertexId) -> DVec3>(&mut self, mesh: &Mesh, leaf: &Leaf, places: &Places<'_, P>, out: &SlitStep) {
+        let (mut reached, mut slivers) = (std::mem::take(&mut self.reached), 0);
+        reached.clear();
         for i in 0..self.faces.len() {
             let face = self.faces[i];
             let slots = mesh.face(face).map(|v| self.slot(v, leaf, places, out));
             let corners = slots.map(|s| self.positions[s]);
             let (low, high) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
-            if low.cmpgt(leaf.max).any() || high.cmplt(leaf.min).any() {
+            if !(low.cmpgt(leaf.max).any() || high.cmplt(leaf.min).any()) {
+                let is_sliver = is_thinner(corners, SLIVER * leaf.tolerance);
+                slivers += usize::from(is_sliver);
+                reached.push((face, is_sliver));
+            }
+        }
+        let is_crowded = slivers > MOST_SLIVERS;
+        for &(face, is_sliver) in &reached {
+            if is_crowded && is_sliver {
                 continue;
             }
             if let Some(cut) = crossing(&self.seen(mesh, face, leaf)) {
@@ -256,6 +275,7 @@ impl SlitScratch {
                 self.cross_edge(mesh, HalfEdge::of(face, edge), leaf, places, out);
             }
         }
+        self.reached = reached;
     }
 
     /// Notes a mesh edge that lies in the leaf's plane between faces of different sides.
@@ -528,4 +548,11 @@ impl SlitScratch {
             }
         }
     }
+}
+
+/// True for a triangle that nowhere is wider than `width` across its longest side.
+fn is_thinner([a, b, c]: [DVec3; 3], width: f64) -> bool {
+    let (ab, ac, bc) = (b - a, c - a, c - b);
+    let longest = ab.length_squared().max(ac.length_squared()).max(bc.length_squared());
+    ab.cross(ac).length_squared() <= width * width * longest
 }

@@ -15,6 +15,7 @@ impl SlitScratch {
         self.positions.reserve(4 * room);
         self.values.reserve(20 * room);
         self.faces.reserve(4 * room);
+        self.reached.reserve(4 * room);
         self.affected.reserve(room);
         self.plane_edges.reserve(room);
         self.edge_points.make_room(room);

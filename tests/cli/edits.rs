@@ -253,6 +253,27 @@ fn width_zero_takes_nothing_out_and_stays_open_in_files() {
     assert_eq!(count(&place.ok_json("inspect torn.glb")["components"]), 2);
 }
 
+/// The blade's tip and its other end go along in the skin, and every strip ends there at one point: without a bound each of them cuts
+/// all slivers that the ones before have left there in two.
+#[test]
+fn a_blade_whose_tip_goes_along_in_the_skin_leaves_the_model_in_proportion() {
+    let place = Place::new();
+    let corner = |k: i32| [k & 4, k & 2, k & 1].map(|bit| if bit == 0 { "-0.5" } else { "0.5" }).join(" ");
+    let corners: String = (0..8).map(|k| format!("v {}\n", corner(k))).collect();
+    let faces = ["2 4 1", "5 2 1", "1 4 3", "3 5 1", "2 8 4", "6 2 5", "6 8 2", "4 8 3", "7 5 3", "3 8 7", "7 6 5", "8 6 7"];
+    let faces: String = faces.iter().map(|f| format!("f {f}\n")).collect();
+    place.write("cube.obj", &format!("{corners}{faces}"));
+    let pose = |t: f64, tip: [f64; 3], base: [f64; 3]| serde_json::json!({ "t": t, "tip": tip, "base": base });
+    // half way the faces were 4,530, and from there on half as many again with each strip
+    let poses = [pose(0.0, [-0.5, 0.5, -0.5], [0.5, -0.5, -0.5]), pose(0.125, [0.0, 0.0, -0.5], [0.0, -0.5, 0.0])];
+    place.write("path.json", &serde_json::json!({ "poses": poses }).to_string());
+    let edit = place.ok_json("tear cube.obj --path path.json --width 0 --no-particles --out torn.obj");
+    check_tear(&edit);
+    assert_eq!(edit["outcome"], "torn");
+    assert!(count(&edit["faces"]) < 1500, "{}", edit["faces"]);
+    assert!((areas(&edit) - 6.0).abs() < 1e-9, "{}", areas(&edit));
+}
+
 #[test]
 fn a_bounded_cut_ends_where_the_blade_did() {
     let place = Place::new();
