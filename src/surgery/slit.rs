@@ -9,7 +9,7 @@ use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker, copy_marks};
 use super::leaf::{At, Leaf, Seen, along_edge, crossing, inner_weights, sign_at};
 use super::plane_cut::collect_joined;
 use super::region::{Region, RegionPoint};
-use super::tear::{LipPoint, flatten};
+use super::tear::{LipPoint, flatten, smallest_sine};
 use crate::geometry::room::fit;
 use crate::geometry::{FaceId, HalfEdge, Mesh, NewFace, SplitVertex, TopologyScratch, VertexId, WedgeId};
 use glam::DVec3;
@@ -47,6 +47,8 @@ pub struct SlitStep {
     pub intersection_points: usize,
     /// Vertices that cuts run through or end at, copies aside.
     pub met: Vec<VertexId>,
+    /// Sine of the smallest angle of the faces put in; infinite without any.
+    pub smallest_sine: f64,
     first_new: usize,
 }
 
@@ -59,7 +61,8 @@ impl SlitStep {
         tags.clear();
         added_faces.clear();
         [&mut touched, &mut met].into_iter().for_each(|list| list.clear());
-        *self = Self { new_vertices, lips, tags, added_faces, touched, met, ..Self::default() };
+        let smallest_sine = f64::INFINITY;
+        *self = Self { new_vertices, lips, tags, added_faces, touched, met, smallest_sine, ..Self::default() };
     }
 }
 
@@ -408,6 +411,8 @@ impl SlitScratch {
             }
             self.region.triangulate();
             for t in &self.region.triangles {
+                let [p, q, r] = t.map(|l| self.region.points[l as usize].at).map(|[x, y]| DVec3::new(x, y, 0.0));
+                out.smallest_sine = out.smallest_sine.min(smallest_sine(p, q, r));
                 let at = t.map(|l| self.locals[l as usize]);
                 self.added.push(NewFace { corners: at.map(|l| l.0), wedges: at.map(|l| l.1), info, side: 0 });
             }

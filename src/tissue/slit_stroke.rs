@@ -194,6 +194,7 @@ impl TearStroke {
             report.new_vertices = step.new_vertices.len();
             report.intersection_points = step.intersection_points;
             report.opened_edges = step.opened_edges;
+            report.smallest_angle = step.smallest_sine.min(1.0).asin();
             let ends = [[[c[0], c[3]], [c[1], c[2]]], [start, end]];
             let (update, made) = bind_slit(tissue, step, ends, self.slit, before, (&mut self.lips, &mut report.stages));
             strip = made;

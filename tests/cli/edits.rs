@@ -233,6 +233,7 @@ fn width_zero_takes_nothing_out_and_stays_open_in_files() {
         check_tear(&edit);
         assert_eq!((edit["outcome"].as_str(), list(&edit["pieces"]).len()), (Some("torn"), 1));
         assert_eq!(number(&edit["area_removed"]), 0.0);
+        assert!((1e-9..0.8).contains(&number(&edit["smallest_angle"])), "{}", edit["smallest_angle"]);
         close(areas(&edit), number(&edit["area_before"]), 1e-12);
         let found = place.ok_json(&format!("inspect slit.{ending}"));
         assert_eq!((count(&found["non_manifold_edges"]), count(&found["components"])), (0, 1));
