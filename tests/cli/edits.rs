@@ -263,11 +263,11 @@ fn a_blade_whose_tip_goes_along_in_the_skin_leaves_the_model_in_proportion() {
     let corners: String = (0..8).map(|k| format!("v {}\n", corner(k))).collect();
     let faces = ["2 4 1", "5 2 1", "1 4 3", "3 5 1", "2 8 4", "6 2 5", "6 8 2", "4 8 3", "7 5 3", "3 8 7", "7 6 5", "8 6 7"];
     let faces: String = faces.iter().map(|f| format!("f {f}\n")).collect();
-    place.write("cube.obj", &format!("{corners}{faces}"));
+    place.write("cube.obj", format!("{corners}{faces}"));
     let pose = |t: f64, tip: [f64; 3], base: [f64; 3]| serde_json::json!({ "t": t, "tip": tip, "base": base });
     // half way the faces were 4,530, and from there on half as many again with each strip
     let poses = [pose(0.0, [-0.5, 0.5, -0.5], [0.5, -0.5, -0.5]), pose(0.125, [0.0, 0.0, -0.5], [0.0, -0.5, 0.0])];
-    place.write("path.json", &serde_json::json!({ "poses": poses }).to_string());
+    place.write("path.json", serde_json::json!({ "poses": poses }).to_string());
     let edit = place.ok_json("tear cube.obj --path path.json --width 0 --no-particles --out torn.obj");
     check_tear(&edit);
     assert_eq!(edit["outcome"], "torn");
