@@ -28,6 +28,7 @@ pub(super) struct LinkTests {
     particles: Vec<NearStrips>,
     lists: StripLists,
     found: Vec<u32>,
+    /// Scratch: [`Sights`] of one particle that links to vertices near one another may meet.
     batches: Vec<usize>,
     /// Ends of links that were tested, each in the place that its number says, and one for two that share a place.
     ends: Vec<TestedEnd>,
@@ -251,14 +252,14 @@ impl LinkUnderTest<'_> {
 
 impl NearStrips {
     /// True if no strip lies between the anchor and `v`. `around` are the strips that `v` may know its side of, `batches` the [`Sights`]
-    /// that the link may meet.
+    /// that the link may meet, newest first.
     fn connects(
         &mut self,
         link: &mut LinkUnderTest<'_>,
         listed: Listed<'_>,
         radius: f64,
         around: &[(u32, u16)],
-        batches: impl Iterator<Item = usize>,
+        batches: &[usize],
     ) -> bool {
         let [a, p] = link.ends();
         let (d, slack) = ((p - a).as_vec3a(), Vec4::splat(Sight::slack(radius)));
@@ -269,7 +270,7 @@ impl NearStrips {
         {
             return false;
         }
-        for batch in batches {
+        for &batch in batches {
             let mut met = listed.sights[batch].met(d, bounds, slack);
             while met != 0 {
                 let i = BATCH * batch + met.trailing_zeros() as usize;
@@ -355,12 +356,8 @@ impl LinkTests {
         settings: &ParticleSettings,
         (j, v): (ParticleId, VertexId),
     ) -> bool {
-        let radius = settings.radius_of(map, j);
-        self.bring_up(strips, rest, map, radius, j);
-        let batches = 0..self.lists.of(j).sights.len();
         let mut is_connected = false;
-        let link = (strips, rest, map.anchors[j.index()]);
-        self.each(link, (j, radius), std::iter::once(v), batches.rev(), |_, connects| is_connected = connects);
+        self.each_near((strips, rest, map, settings), j, &[v], |_, connects| is_connected = connects);
         is_connected
     }
 
@@ -370,7 +367,7 @@ impl LinkTests {
         (strips, rest, map, settings): (&Strips, &[DVec3], &ParticleMap, &ParticleSettings),
         j: ParticleId,
         vertices: &[VertexId],
-        tell: impl FnMut(VertexId, bool),
+        mut tell: impl FnMut(VertexId, bool),
     ) {
         let radius = settings.radius_of(map, j);
         self.bring_up(strips, rest, map, radius, j);
@@ -380,38 +377,23 @@ impl LinkTests {
         let (low, high) = vertices.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), grow);
         let to = ((0.5 * (low + high) - at).as_vec3a(), (0.5 * (high - low)).as_vec3a());
         let (bounds, slack) = ((below(at.min(low)), above(at.max(high))), Vec4::splat(Sight::slack(radius)));
-        let mut batches = std::mem::take(&mut self.batches);
-        batches.clear();
-        let sights = self.lists.of(j).sights.iter().enumerate().rev();
-        batches.extend(sights.filter(|(_, sights)| sights.may_be_met(to, bounds, slack)).map(|(batch, _)| batch));
-        self.each((strips, rest, anchor), (j, radius), vertices.iter().copied(), batches.iter().copied(), tell);
-        self.batches = batches;
-    }
-
-    /// Tells of each of `vertices`, all within the radius of `j`, whether no strip parts it from the anchor. `batches` are the [`Sights`]
-    /// of `j` that a link to any of them may meet, newest first.
-    fn each(
-        &mut self,
-        (strips, rest, anchor): (&Strips, &[DVec3], VertexId),
-        (j, radius): (ParticleId, f64),
-        vertices: impl Iterator<Item = VertexId>,
-        batches: impl Iterator<Item = usize> + Clone,
-        mut tell: impl FnMut(VertexId, bool),
-    ) {
         self.make_ends();
-        let Self { particles, lists, ends, spare_end, .. } = self;
+        let Self { particles, lists, batches, ends, spare_end, .. } = self;
         let (near, listed) = (&mut particles[j.index()], lists.of(j));
+        batches.clear();
+        let sights = listed.sights.iter().enumerate().rev();
+        batches.extend(sights.filter(|(_, sights)| sights.may_be_met(to, bounds, slack)).map(|(batch, _)| batch));
         // a vertex that shares the anchor's place gets what was spare
         std::mem::swap(&mut ends[anchor.index() % ENDS], spare_end);
         let from = &mut *spare_end;
         from.look(strips, anchor);
-        for v in vertices {
+        for &v in vertices {
             let to = &mut ends[v.index() % ENDS];
             to.look(strips, v);
             let TestedEnd { around, views, .. } = to;
             let is_lip = near.lips > 0;
             let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip, views: [&mut from.views, views] };
-            tell(v, near.connects(&mut link, listed, radius, around.of(strips, rest, v), batches.clone()));
+            tell(v, near.connects(&mut link, listed, radius, around.of(strips, rest, v), batches));
         }
         std::mem::swap(&mut ends[anchor.index() % ENDS], spare_end);
     }

@@ -109,13 +109,9 @@ impl Fades {
         }
     }
 
-    /// Starts the fade of `v`: `target - position` is what the vertex must be moved by now, `pose` and `rows` its skin.
-    pub fn start(&mut self, rows: &VertexRows, pose: &Pose, v: VertexId, moved: DVec3, time_s: f64) {
-        self.start_from(rows, pose, v, (moved, DVec3::ZERO), time_s);
-    }
-
-    /// The same for a vertex that has yet to go by `offset` of an earlier fade, as [`Fades::offset`] tells it.
-    pub fn start_from(&mut self, rows: &VertexRows, pose: &Pose, v: VertexId, (moved, offset): (DVec3, DVec3), time_s: f64) {
+    /// Starts the fade of `v`: `moved` is what the vertex must be moved by now (metres, as seen), `offset` what it has yet to go by an earlier
+    /// fade, as [`Fades::offset`] tells it; `pose` and `rows` are its skin.
+    pub fn start(&mut self, rows: &VertexRows, pose: &Pose, v: VertexId, (moved, offset): (DVec3, DVec3), time_s: f64) {
         if self.entries.is_empty() {
             self.make_room(rows.len());
             self.entries = std::mem::take(&mut self.room);
@@ -190,7 +186,7 @@ mod tests {
         assert!(fades.entries().is_empty() && fades.written().is_empty());
         let newer = |fades: &Fades, seen: u64| -> Vec<bool> { fades.written().iter().map(|&at| at > seen).collect() };
         let latest = |fades: &Fades| fades.written().iter().copied().max().unwrap_or(0);
-        fades.start(&rows, &Pose::default(), VertexId::new(FADE_BLOCK), DVec3::X, 0.0);
+        fades.start(&rows, &Pose::default(), VertexId::new(FADE_BLOCK), (DVec3::X, DVec3::ZERO), 0.0);
         assert_eq!((fades.entries().len(), newer(&fades, 0)), (vertices, vec![false, true, false]));
         let mut seen = latest(&fades);
         fades.clear(VertexId(3)); // has none

@@ -5,6 +5,7 @@
 //! face edge or a plane are collinear by tag, never by evaluation (MATHS 5.6).
 
 use crate::geometry::predicates::orient2d;
+use glam::DVec3;
 
 /// A point of the region, in the face's own plane.
 #[derive(Clone, Copy, Debug, Default)]
@@ -37,6 +38,13 @@ pub struct Region {
 const NONE: u16 = u16::MAX;
 
 impl Region {
+    /// Sine of the smallest angle of the triangles; infinite without any.
+    pub fn smallest_sine(&self) -> f64 {
+        let at = |l: u16| DVec3::new(self.points[l as usize].at[0], self.points[l as usize].at[1], 0.0);
+        let sines = self.triangles.iter().map(|&[p, q, r]| smallest_sine(at(p), at(q), at(r)));
+        sines.fold(f64::INFINITY, f64::min)
+    }
+
     /// Makes room for so many points.
     pub fn make_room(&mut self, points: usize) {
         self.points.reserve(points);
@@ -270,6 +278,14 @@ fn rotated(t: [u16; 3], k: usize) -> [u16; 3] {
 
 fn squared(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)
+}
+
+/// Sine of a triangle's smallest angle: the angle between its two longer sides.
+pub(super) fn smallest_sine(p: DVec3, q: DVec3, r: DVec3) -> f64 {
+    let [a, b, c] = [p - q, q - r, r - p].map(DVec3::length_squared);
+    let shortest = a.min(b).min(c);
+    let product = if shortest > 0.0 { (a * b * c / shortest).sqrt() } else { 0.0 };
+    if product > 0.0 { (q - p).cross(r - p).length() / product } else { 0.0 }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker, copy_marks};
 use super::leaf::{At, Leaf, Seen, along_edge, crossing, inner_weights, sign_at};
 use super::plane_cut::collect_joined;
 use super::region::{Region, RegionPoint};
-use super::tear::{LipPoint, flatten, smallest_sine};
+use super::tear::{LipPoint, flatten};
 use crate::geometry::room::fit;
 use crate::geometry::{FaceId, HalfEdge, Mesh, NewFace, SplitVertex, TopologyScratch, VertexId, WedgeId};
 use glam::DVec3;
@@ -410,9 +410,8 @@ impl SlitScratch {
                 }
             }
             self.region.triangulate();
+            out.smallest_sine = out.smallest_sine.min(self.region.smallest_sine());
             for t in &self.region.triangles {
-                let [p, q, r] = t.map(|l| self.region.points[l as usize].at).map(|[x, y]| DVec3::new(x, y, 0.0));
-                out.smallest_sine = out.smallest_sine.min(smallest_sine(p, q, r));
                 let at = t.map(|l| self.locals[l as usize]);
                 self.added.push(NewFace { corners: at.map(|l| l.0), wedges: at.map(|l| l.1), info, side: 0 });
             }

@@ -357,7 +357,8 @@ impl TearScratch {
             self.build_region(mesh, body, i, out);
             self.region.triangulate();
             out.area_removed += self.area_taken();
-            out.smallest_sine = out.smallest_sine.min(self.emit_faces(info));
+            out.smallest_sine = out.smallest_sine.min(self.region.smallest_sine());
+            self.emit_faces(info);
             if self.is_closed {
                 self.tie_faces(mesh, face, i);
                 // which face it will be is known when they are put in
@@ -483,16 +484,12 @@ impl TearScratch {
         doubled / 2.0
     }
 
-    /// Lists the region's triangles as new faces. Returns the sine of their smallest angle.
-    fn emit_faces(&mut self, info: FaceInfo) -> f64 {
-        let mut smallest = f64::INFINITY;
-        for t in &self.region.triangles {
-            let [p, q, r] = t.map(|l| self.region.points[l as usize].at).map(|p| DVec3::new(p[0], p[1], 0.0));
-            smallest = smallest.min(smallest_sine(p, q, r));
+    /// Lists the region's triangles as new faces.
+    fn emit_faces(&mut self, info: FaceInfo) {
+        self.added.extend(self.region.triangles.iter().map(|t| {
             let at = t.map(|l| self.locals[l as usize]);
-            self.added.push(NewFace { corners: at.map(|l| l.0), wedges: at.map(|l| l.1), info, side: 0 });
-        }
-        smallest
+            NewFace { corners: at.map(|l| l.0), wedges: at.map(|l| l.1), info, side: 0 }
+        }));
     }
 
     /// Notes which edges of the old `face` the region's triangles lie on.
@@ -579,14 +576,6 @@ fn wall_within(mesh: &Mesh, v: VertexId, plane: &Plane, grain: f64, position: &i
         let height = (q - p).cross(r - p).length() / longest;
         height > 100.0 * grain && [p, q, r].iter().all(|&c| plane.distance(c).abs() <= grain)
     })
-}
-
-/// Sine of a triangle's smallest angle: the angle between its two longer sides.
-pub(super) fn smallest_sine(p: DVec3, q: DVec3, r: DVec3) -> f64 {
-    let [a, b, c] = [p - q, q - r, r - p].map(DVec3::length_squared);
-    let shortest = a.min(b).min(c);
-    let product = if shortest > 0.0 { (a * b * c / shortest).sqrt() } else { 0.0 };
-    if product > 0.0 { (q - p).cross(r - p).length() / product } else { 0.0 }
 }
 
 /// The face laid flat, isometrically: first corner at the origin, first edge along x.

@@ -2,7 +2,8 @@
 
 use super::boxes::Side;
 use super::insert::NewVertex;
-use super::tear::{Body, LipPoint, OnPlanes, TearScratch, TearStep, smallest_sine};
+use super::region::smallest_sine;
+use super::tear::{Body, LipPoint, OnPlanes, TearScratch, TearStep};
 use super::wall_thin::{Slack, Thinner};
 use super::walls::{Facets, RimEdge, WallPoint, Walls, facet_axes};
 use crate::geometry::{FaceId, FaceInfo, FxHashMap, HalfEdge, Mesh, NewFace, SectionId, SplitVertex, VertexId, Wedge, WedgeId};

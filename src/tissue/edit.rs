@@ -287,7 +287,7 @@ impl Tissue {
     /// Starts the fade of a vertex without one, which is to stand `moved` from its place, and by `offset` of a fade that has ended.
     fn start_fade(&mut self, v: VertexId, moved: DVec3, offset: DVec3) {
         if offset != DVec3::ZERO || moved.length() > FADE_THRESHOLD * self.diagonal {
-            self.fades.start_from(&self.rows, &self.pose, v, (moved, offset), self.time_s);
+            self.fades.start(&self.rows, &self.pose, v, (moved, offset), self.time_s);
             self.versions.fades += 1;
         }
     }
