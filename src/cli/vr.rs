@@ -151,11 +151,12 @@ fn write_png(path: &Path, pixels: &[u8], (width, height): (u32, u32)) -> Result<
 fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
     let points = |points: &[DVec3]| points.iter().map(|p| json!(p.to_array())).collect::<Vec<_>>();
     let middles: Vec<DVec3> = app.scene.last_tear_boxes().iter().map(|b| b.corners().iter().sum::<DVec3>() / 8.0).collect();
-    let frame = |FrameNote { report, gpu, commands, allocations, displaced }: &FrameNote| {
+    let frame = |FrameNote { report, gpu, commands, core_ms, allocations, displaced }: &FrameNote| {
         json!({
             "time": report.time_s,
             "stages_ms": report_json::stages(&report.stages),
             "gpu_ms": report_json::stages(gpu),
+            "core_ms": core_ms,
             "dispatches": report.counters.dispatches,
             "bytes_uploaded": report.counters.bytes_uploaded,
             "particles_awake": report.counters.particles_awake,

@@ -56,9 +56,35 @@ impl Stages {
     }
 }
 
+/// Seconds for which the calling thread has run on a core since it began: time in which it waited, or in which the system ran
+/// something else in its place, does not count. None where the system does not tell.
+pub fn core_seconds() -> Option<f64> {
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+        Some(time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64)
+    }
+    #[cfg(not(unix))]
+    None
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn a_thread_that_waits_uses_no_core() {
+        let seconds = || core_seconds().expect("told");
+        let start = seconds();
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        let slept = seconds();
+        let mut sum = 0u64;
+        while seconds() - slept < 0.02 {
+            sum = std::hint::black_box(sum + 1);
+        }
+        assert!(slept - start < 0.02 && sum > 0, "{} s while asleep", slept - start);
+    }
 
     #[test]
     fn stages_add_up() {

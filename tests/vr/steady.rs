@@ -144,10 +144,15 @@ fn check_costs(seen: &Seen) {
         let ms = |name: &str| stages[name].as_f64().unwrap_or(0.0);
         ms("total") - ms("image") - ms("submit")
     };
-    for (what, range) in [("beating", seen.steady.start..torn.start), ("torn", torn)] {
-        let mut ms: Vec<f64> = range.map(cpu).collect();
+    let on_core = |i: usize| frames[i]["core_ms"].as_f64().expect("told here");
+    let print = |what: &str, mut ms: Vec<f64>| {
         ms.sort_by(f64::total_cmp);
-        println!("CPU of a frame, {what}: median {:.2} ms, most {:.2} ms", ms[ms.len() / 2], ms[ms.len() - 1]);
+        let part = |percent: usize| ms[(ms.len() - 1) * percent / 100];
+        println!("CPU of a frame, {what}: median {:.2} ms, 95 % {:.2}, most {:.2}", part(50), part(95), part(100));
+    };
+    for (what, range) in [("beating", seen.steady.start..torn.start), ("torn", torn)] {
+        print(what, range.clone().map(cpu).collect());
+        print(&format!("{what}, on its core"), range.map(on_core).collect());
     }
 }
 

@@ -14,7 +14,7 @@ use super::space::{Placement, Pose};
 use super::swapchain::Images;
 use crate::app::{FrameCounters, FrameTarget, FrameView};
 use crate::config::VrSettings;
-use crate::diagnostics::Stages;
+use crate::diagnostics::{Stages, core_seconds};
 use crate::gpu::{
     Bounds, DrawOptions, Fov, Instrument, LineSegment, Passes, RenderTarget, Scenery, ViewPose, ViewSet, VisibilityMask,
 };
@@ -375,6 +375,8 @@ pub struct EyeTarget<'a> {
     pub allocations: fn() -> u64,
     /// Those of bringing the renderer up to date.
     pub allocated: u64,
+    /// Of the time this thread was on a core, what went to waiting for the compositor, the driver and the runtime. Seconds.
+    pub core_elsewhere: f64,
 }
 
 impl EyeTarget<'_> {
@@ -416,13 +418,13 @@ impl EyeTarget<'_> {
         let context = graphics.context.clone();
         let times = mirror.renderer_mut().gpu_times();
         let part = fit.frame(self.load, times, budget_ms(*refresh_hz, self.period.as_nanos()), images.size());
-        let start = Instant::now();
+        let start = Moment::now();
         let index = images.acquire()?;
         let depth = match depth {
             Some(depth) => Some(depth.target(depth.acquire()?)),
             None => None,
         };
-        elsewhere.image_s = start.elapsed().as_secs_f64();
+        elsewhere.image_s = start.passed(&mut elsewhere.core_s);
         let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("eyes") });
         let set = ViewSet { views: &poses, masked: !masks.is_empty() };
         let target = RenderTarget { depth, viewport: Some(part), ..RenderTarget::new(images.target(index)) };
@@ -437,16 +439,16 @@ impl EyeTarget<'_> {
         let Some(images) = images else { return Ok(elsewhere) };
         mirror.renderer_mut().set_late_views(&poses)?;
         let commands = encoder.finish();
-        let start = Instant::now();
+        let start = Moment::now();
         context.queue().submit([commands]);
-        elsewhere.submit_s = start.elapsed().as_secs_f64();
+        elsewhere.submit_s = start.passed(&mut elsewhere.core_s);
         if self.capture {
             self.captured = Some(capture(&context, images, index, part, &poses, masks)?);
         }
         reflect(self.mirror, images, index, part);
-        let start = Instant::now();
+        let start = Moment::now();
         self.headset.release()?;
-        elsewhere.submit_s += start.elapsed().as_secs_f64();
+        elsewhere.submit_s += start.passed(&mut elsewhere.core_s);
         context.check()?;
         self.shown = Some(Shown { views, part });
         Ok(elsewhere)
@@ -460,6 +462,27 @@ struct Elsewhere {
     image_s: f64,
     /// In the driver and the runtime, which take over what was encoded. A software adapter runs much of it there and then.
     submit_s: f64,
+    /// For so long this thread was on a core in all that.
+    core_s: f64,
+}
+
+/// A moment, by the clock and by what the thread has used of a core.
+struct Moment {
+    clock: Instant,
+    core_s: f64,
+}
+
+impl Moment {
+    fn now() -> Self {
+        Self { core_s: core_seconds().unwrap_or(0.0), clock: Instant::now() }
+    }
+
+    /// Seconds since; those on a core are added to `core_s`.
+    fn passed(self, core_s: &mut f64) -> f64 {
+        let seconds = self.clock.elapsed().as_secs_f64();
+        *core_s += core_seconds().unwrap_or(0.0) - self.core_s;
+        seconds
+    }
 }
 
 impl FrameTarget for EyeTarget<'_> {
@@ -472,10 +495,11 @@ impl FrameTarget for EyeTarget<'_> {
         self.allocated = (self.allocations)() - before;
         if self.render {
             let start = Instant::now();
-            let Elsewhere { image_s, submit_s } = self.draw(view)?;
+            let Elsewhere { image_s, submit_s, core_s } = self.draw(view)?;
             stages.add("draw", 1e3 * (start.elapsed().as_secs_f64() - image_s - submit_s));
             stages.add("image", 1e3 * image_s);
             stages.add("submit", 1e3 * submit_s);
+            self.core_elsewhere = core_s;
             self.gpu = self.headset.mirror.gpu_stages();
         }
         self.headset.mirror.count(counters);

@@ -18,7 +18,7 @@ use super::lockstep::{Asked, Expected, Lockstep, wait_until_seen};
 use super::space::{Placement, Pose};
 use crate::app::{App, FrameCounters, FrameReport, FrameTarget};
 use crate::config::{Config, VrSettings};
-use crate::diagnostics::Stages;
+use crate::diagnostics::{Stages, core_seconds};
 use crate::gpu::{Instrument, LineSegment};
 use crate::host::models::{Export, Load};
 use crate::input::InputFrame;
@@ -117,6 +117,9 @@ pub struct FrameNote {
     pub gpu: Stages,
     /// Edit commands of the hands and the board.
     pub commands: usize,
+    /// Milliseconds for which the frame's thread ran on a core for all of the app's stages and `input`: unlike theirs, without time in
+    /// which the system ran something else there. None where the system does not tell.
+    pub core_ms: Option<f64>,
     /// Heap allocations of ours: from the hands' poses to the notes of the upload.
     pub allocations: u64,
     /// Largest displacement of a particle, metres.
@@ -403,6 +406,7 @@ fn eye_target<'a>(
         changes: 0,
         allocations: || 0,
         allocated: 0,
+        core_elsewhere: 0.0,
     }
 }
 
@@ -417,7 +421,7 @@ fn frame(
     outcome: &mut VrOutcome,
 ) -> Result<Option<super::headset::Shown>, VrError> {
     let time = state.predicted_display_time;
-    let (began, allocated) = (Instant::now(), (options.allocations)());
+    let (began, core, allocated) = (Instant::now(), core_seconds(), (options.allocations)());
     let step_s = match user.lockstep {
         Some(_) => LOCKSTEP_S,
         None => user.clock.step(time.as_nanos(), state.predicted_display_period.as_nanos()),
@@ -484,7 +488,8 @@ fn frame(
     }
     target.allocations = options.allocations;
     let presented = app.frame(&user.frame, &mut target);
-    let EyeTarget { shown, captured, changes, allocated, gpu, .. } = target;
+    let EyeTarget { shown, captured, changes, allocated, core_elsewhere, gpu, .. } = target;
+    let core_ms = core.and_then(|core| Some(1e3 * (core_seconds()? - core - core_elsewhere)));
     let mut report = match presented {
         Err(why) if why.is_outgrown() && take_back(headset, app, user, &why, outcome) => return Ok(None),
         presented => presented?,
@@ -507,7 +512,7 @@ fn frame(
         let layers = app.scene.tissues().filter_map(|(_, t)| t.layer());
         let displaced = layers.flat_map(|l| l.displacements()).map(|u| u.length()).fold(0.0, f64::max);
         let (commands, report) = (user.frame.commands.len(), report.clone());
-        outcome.frames.push(FrameNote { report, gpu, commands, allocations, displaced });
+        outcome.frames.push(FrameNote { report, gpu, commands, core_ms, allocations, displaced });
     }
     app.give_back(report);
     Ok(shown)
