@@ -137,8 +137,42 @@ fn a_hand_that_lets_go_under_the_blade_leaves_few_threads() {
         });
         openings(&scene)
     });
-    // 15 where the joints of strips stand along the blade and not out of the skin
-    assert!(after.iter().sum::<usize>() <= 10, "{after:?}");
+    // 9 where the strips' ends are joined by a plane out of the skin
+    assert!(after.iter().sum::<usize>() <= 6, "{after:?}");
+}
+
+/// Openings left by a slit along `path` in half a second, with the heart at rest or beating.
+fn openings_in_a_heart_that(beats: bool, path: [DVec3; 2]) -> usize {
+    let mut scene = heart();
+    scene.set_animation(beats.then_some(0));
+    let mut settle = |scene: &mut Scene, k: u32| {
+        scene.pose(f64::from(k) * STEP, f64::from(k) * STEP);
+        scene.step(STEP);
+    };
+    (0..90).for_each(|k| settle(&mut scene, k));
+    scene.edit(EditCommand::StrokeBegin { width: 0.0 });
+    for k in 0..=45 {
+        let tip = path[0].lerp(path[1], f64::from(k) / 45.0);
+        scene.edit(EditCommand::StrokePose(BladePose { t: f64::from(k) * STEP, tip, base: tip + 0.1 * DVec3::Z }));
+        settle(&mut scene, 90 + k);
+    }
+    scene.edit(EditCommand::StrokeEnd);
+    openings(&scene)
+}
+
+#[test]
+fn a_beating_heart_is_slit_without_threads() {
+    let p = DVec3::new;
+    let paths = [
+        [p(-0.02, 0.02, 0.02), p(0.02, -0.01, 0.02)],
+        [p(-0.0064, 0.0222, 0.0061), p(-0.0042, -0.0268, -0.0046)],
+        [p(0.0109, 0.0297, 0.0047), p(-0.0103, -0.0254, -0.002)],
+        [p(-0.0204, 0.0238, 0.0), p(0.0, -0.015, 0.0168)],
+        [p(-0.0224, 0.0275, 0.0008), p(0.0221, -0.0152, 0.0)],
+        [p(-0.0022, 0.0211, 0.0241), p(-0.0113, -0.0189, -0.0099)],
+    ];
+    let (still, beating) = (paths.map(|p| openings_in_a_heart_that(false, p)), paths.map(|p| openings_in_a_heart_that(true, p)));
+    assert_eq!(beating, still);
 }
 
 /// How far the most crooked vertex is drawn out of line: its displacement less the mean of its neighbours', metres.

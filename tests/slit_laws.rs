@@ -226,6 +226,53 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(1000))]
 
     /// Joints on vertices, on edges and along them: the blade turns at half-integer points of a grid and stands upright.
+    /// Two slits beside each other in the top of a cube, joined from the end of one to the start of the other.
+    #[test]
+    fn ends_are_joined_over_the_faces_between(z in prop::array::uniform2(0.4f64..2.6), gap in -0.2f64..0.4, most in 0.0f64..4.0) {
+        let leaf = |x: [f64; 2], z: f64| {
+            let at = |x: f64, y: f64| DVec3::new(x, y, z);
+            Leaf::polygon(&[at(x[0], 2.5), at(x[1], 2.5), at(x[1], 3.5), at(x[0], 3.5)]).unwrap()
+        };
+        let before = Solid::cube(3);
+        let mut after = before.clone();
+        let first = open_along(&mut after, &[leaf([0.3, 1.2], z[0])], &[]);
+        let nearest = |ends: &[VertexId], solid: &Solid, x: f64| {
+            let off = |v: &VertexId| (solid.at(*v).x - x).abs();
+            ends.iter().copied().min_by(|v, w| off(v).total_cmp(&off(w))).unwrap()
+        };
+        let mut ends = Vec::new();
+        first.ends(&mut ends);
+        let from = nearest(&ends, &after, 1.2);
+        let candidates: Vec<FaceId> = after.mesh.live_faces().collect();
+        let (mut scratch, mut step) = (SlitScratch::default(), SlitStep::default());
+        let positions = after.positions.clone();
+        let at = |v: VertexId| positions[v.index()];
+        slit_step(&mut after.mesh, &[leaf([1.2 + gap, 2.7], z[1])], &candidates, &at, &[], &mut scratch, &mut step);
+        step.ends(&mut ends);
+        let place = |v: VertexId| if v.index() < positions.len() { at(v) } else { step.new_vertices[v.index() - positions.len()].position };
+        let start = *ends.iter().min_by(|v, w| place(**v).x.total_cmp(&place(**w).x)).unwrap();
+        prop_assert!(!step.is_one_cut(&after.mesh, start, from));
+        let way = place(start).distance(at(from));
+        let joined = scratch.join(&mut after.mesh, (from, &[start]), (most, DVec3::Y), &at, &mut step);
+        after.positions.extend(step.new_vertices.iter().map(|n| n.position));
+        prop_assert_eq!(after.mesh.validate(), Ok(()));
+        prop_assert!((before.area() - after.area()).abs() < 1e-12 * before.area());
+        prop_assert!(joined.is_some() || way > 0.5 * most, "a way of {} metres is there", way);
+        prop_assert!(joined.is_none() || way <= most);
+        if joined.is_none() {
+            return Ok(());
+        }
+        prop_assert_eq!(borders(&after), (1, 2 * (first.opened_edges + step.opened_edges)));
+        // each lip of the join goes on in one lip of the strip: round the slit sides change twice
+        let border = |v: VertexId| after.mesh.fan(v).find(|&h| after.mesh.opposite(h).is_none()).map(|h| after.mesh.to(h));
+        let sides: Vec<i8> = std::iter::successors(Some(from), |&v| border(v))
+            .take(borders(&after).1)
+            .filter_map(|v| step.lips.iter().find(|l| l.vertex == v).map(|l| l.side))
+            .collect();
+        let changes = (0..sides.len()).filter(|&i| sides[i] != sides[(i + 1) % sides.len()]).count();
+        prop_assert_eq!(changes, 2, "{:?}", sides);
+    }
+
     #[test]
     fn a_path_over_a_grid_has_no_gaps(zs in prop::collection::vec(1i32..6, 3..6), lean in -2i32..3, depth in 1i32..4) {
         let pose = |(i, z): (usize, &i32)| {

@@ -138,12 +138,10 @@ impl Leaf {
         if k == 0 { &self.plane } else { &self.bounds[k - 1].plane }
     }
 
-    /// A leaf from `a` to `b` along `up`, `reach` metres to either side: joins two ends of a slit that have come apart.
-    pub fn between(a: DVec3, b: DVec3, up: DVec3, reach: f64) -> Option<Self> {
-        let up = up.try_normalize()? * reach;
-        let across = up.cross(b - a).try_normalize()? * reach;
-        let ends = [(b, line::END), (a, line::START)].map(|(p, line)| Some((Plane::Points([p, p + up, p + across]), line)));
-        Self::new(&[a - up, b - up, b + up, a + up], &[None, ends[0], None, ends[1]])
+    /// A leaf that nothing bounds, for crossings that are told: its plane means nothing.
+    pub(super) fn unbounded() -> Self {
+        let plane = Plane::Points([DVec3::ZERO, DVec3::X, DVec3::Y]);
+        Self { plane, bounds: SmallVec::new(), lines: 0, tolerance: 0.0, min: DVec3::ZERO, max: DVec3::ZERO }
     }
 }
 

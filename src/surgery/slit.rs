@@ -53,6 +53,29 @@ pub struct SlitStep {
 }
 
 impl SlitStep {
+    /// Vertices where cuts end: met by one only. Sorted.
+    pub fn ends(&self, out: &mut Vec<VertexId>) {
+        out.clear();
+        out.extend_from_slice(&self.met);
+        out.sort_unstable();
+        let (mut i, mut kept) = (0, 0);
+        while i < out.len() {
+            let run = out[i..].iter().take_while(|&&v| v == out[i]).count();
+            if run == 1 {
+                out[kept] = out[i];
+                kept += 1;
+            }
+            i += run;
+        }
+        out.truncate(kept);
+    }
+
+    /// True if one lip of what the step has opened leads from vertex `a` to `b`.
+    pub fn is_one_cut(&self, mesh: &Mesh, a: VertexId, b: VertexId) -> bool {
+        let border = |v: VertexId| mesh.fan(v).find(|&h| mesh.opposite(h).is_none()).map(|h| mesh.to(h));
+        std::iter::successors(Some(a), |&v| border(v)).take(self.met.len() + 1).any(|v| v == b)
+    }
+
     /// Forgets everything but the buffers.
     fn clear(&mut self) {
         let Self { mut new_vertices, mut lips, mut tags, mut added_faces, mut touched, mut met, .. } = std::mem::take(self);
@@ -107,6 +130,7 @@ pub struct SlitScratch {
     cuts: Vec<[VertexId; 2]>,
     opened: Vec<[HalfEdge; 2]>,
     sides: Vec<(VertexId, i8)>,
+    ways: slit_way::Ways,
 }
 
 /// How thin a sliver is, in tolerances of a leaf.
@@ -145,19 +169,7 @@ pub fn slit_step(
     out.clear();
     out.tags.extend_from_slice(tags);
     out.first_new = mesh.vertex_slots();
-    slit_more(mesh, leaves, candidates, position, scratch, out)
-}
-
-/// [`slit_step`] for further leaves of the same step: `out` is what it left, and goes on. Tags may be added to it.
-pub fn slit_more(
-    mesh: &mut Mesh,
-    leaves: &[Leaf],
-    candidates: &[FaceId],
-    position: &impl Fn(VertexId) -> DVec3,
-    scratch: &mut SlitScratch,
-    out: &mut SlitStep,
-) -> bool {
-    out.faces_visited += candidates.len();
+    out.faces_visited = candidates.len();
     let places = Places { position, first_new: out.first_new };
     for leaf in leaves {
         scratch.open_leaf(mesh, leaf, candidates, &places, out);
@@ -169,6 +181,8 @@ pub fn slit_more(
 
 #[path = "slit_room.rs"]
 mod slit_room;
+#[path = "slit_way.rs"]
+mod slit_way;
 
 impl SlitScratch {
     /// Edges along which the last leaf opened the surface, as [`super::plane_cut::PlaneCutScratch::rim`]; in no order.
@@ -191,7 +205,7 @@ impl SlitScratch {
         places: &Places<'_, P>,
         out: &mut SlitStep,
     ) {
-        self.begin(mesh, leaf);
+        self.begin(mesh, leaf.bounds.len() + 1);
         self.faces.extend(candidates.iter().chain(&out.added_faces).filter(|f| mesh.is_live(**f)));
         self.faces.sort_unstable();
         self.faces.dedup();
@@ -208,9 +222,9 @@ impl SlitScratch {
         }
     }
 
-    fn begin(&mut self, mesh: &Mesh, leaf: &Leaf) {
+    fn begin(&mut self, mesh: &Mesh, planes: usize) {
         fit(&mut self.slot, mesh.vertex_slots(), NO_SLOT);
-        self.planes = leaf.bounds.len() + 1;
+        self.planes = planes;
         self.slotted.clear();
         self.positions.clear();
         self.values.clear();

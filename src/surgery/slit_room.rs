@@ -32,6 +32,7 @@ impl SlitScratch {
         self.cuts.reserve(room);
         self.opened.reserve(room);
         self.sides.reserve(room);
+        self.ways.make_room();
     }
 }
 

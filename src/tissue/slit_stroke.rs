@@ -7,11 +7,10 @@
 
 use super::{ENDS_KEPT, LipVertex, SegmentReport, TearStroke, nearest_vertex};
 use crate::diagnostics::Stages;
-use crate::geometry::measure::vertex_normal;
 use crate::geometry::{FaceId, VertexId};
 use crate::particles::MapUpdateReport;
 use crate::surgery::leaf::{Leaf, line};
-use crate::surgery::slit::{OnLines, SlitScratch, SlitStep, slit_more, slit_step};
+use crate::surgery::slit::{OnLines, SlitScratch, SlitStep, slit_step};
 use crate::surgery::{JointId, Slit};
 use crate::tissue::Tissue;
 use glam::DVec3;
@@ -24,11 +23,11 @@ const ON_PLANE: f64 = 1e-11;
 /// An end of a strip that is farther from its last blade, as a fraction of the diagonal, is none: many roundings of a position.
 const OFF_LINE: f64 = 1e-5;
 
-/// Ends that have come further apart, as a fraction of the diagonal, are left apart: tissue that jumps is not cut along its way.
+/// Ends that have come further apart over the skin, as a fraction of the diagonal, are left apart: tissue that jumps is not cut along its way.
 const MOST_JOINED: f64 = 0.02;
 
-/// Ends lie over each other if the sine of the angle between the blade and the way from one to the other is less.
-const ONE_OVER_OTHER: f64 = 0.1;
+/// Ends of a strip off its first blade are joined to only within this share of that.
+const BESIDE: f64 = 0.1;
 
 /// Where a strip ended.
 struct Ended {
@@ -53,13 +52,13 @@ pub(super) struct SlitState {
     step: SlitStep,
     ended: Vec<Ended>,
     committed: Vec<Slit>,
-    /// Scratch: tags of the starts, those still on the line, and starts that were missed with ends that are free.
+    /// Scratch: tags of the starts, those still on the line, and starts that were missed with those of the strip that are free and its
+    /// other ends.
     starts: Vec<OnLines>,
     on_line: Vec<OnLines>,
     missed: Vec<VertexId>,
     free: Vec<VertexId>,
-    /// Scratch: tags of the strip while two ends are joined.
-    tags: Vec<OnLines>,
+    others: Vec<VertexId>,
     /// Room for where strips to come end.
     spare_ends: Vec<Vec<VertexId>>,
 }
@@ -71,11 +70,12 @@ impl SlitState {
         self.step.make_room(vertices);
         self.ended.reserve(ENDS_KEPT);
         self.committed.reserve(COMMITTED);
-        for list in [&mut self.starts, &mut self.on_line, &mut self.tags] {
+        for list in [&mut self.starts, &mut self.on_line] {
             list.reserve(vertices);
         }
         self.missed.reserve(vertices);
         self.free.reserve(vertices);
+        self.others.reserve(vertices);
         self.spare_ends.resize_with(ENDS_KEPT + 1, || Vec::with_capacity(vertices / 4));
     }
 
@@ -210,49 +210,43 @@ impl TearStroke {
         self.reports.push(report);
     }
 
-    /// Joins ends of the slit that the strip has missed to its own nearest starts, if those are near.
+    /// Joins ends of the slit that the strip has missed to its own nearest starts, over the skin, if those are near; where there are
+    /// none, to other ends of the strip beside them. Starts that are left over are those of a fold that the strip began in: the skin
+    /// between them lies behind the blade, and they are joined to each other.
     fn join_ends(&mut self, tissue: &mut Tissue, slit: &Slit, starts: &[OnLines]) {
-        let SlitState { scratch, step, missed, free, tags, .. } = &mut self.slits;
-        let is_start = |v: VertexId| starts.iter().any(|t| t.vertex == v);
+        let SlitState { scratch, step, missed, free, others, .. } = &mut self.slits;
         missed.clear();
         missed.extend(starts.iter().map(|t| t.vertex).filter(|v| !step.met.contains(v)));
+        if missed.is_empty() {
+            return;
+        }
+        let is_on = |v: VertexId, line: u8| step.tags.contains(&OnLines { vertex: v, lines: line });
+        step.ends(others);
+        others.retain(|&v| !is_on(v, line::END) && !starts.iter().any(|t| t.vertex == v));
         free.clear();
-        free.extend_from_slice(&step.met);
-        free.sort_unstable();
-        free.dedup();
-        free.retain(|&v| !is_start(v) && step.tags.contains(&OnLines { vertex: v, lines: line::START }));
-        let c = slit.corners;
-        let (up, ahead) = (c[3] - c[0], c[1] + c[2] - c[0] - c[3]);
+        free.extend(others.extract_if(.., |v| is_on(*v, line::START)));
+        let up = slit.corners[3] - slit.corners[0];
+        let most = up.length().min(MOST_JOINED * tissue.diagonal());
+        let (mesh, posed) = tissue.split_borrow();
+        let position = |v: VertexId| posed.position(v);
         for &from in &*missed {
-            let a = tissue.position(from);
-            let place = |v: VertexId| {
-                let new = step.new_vertices.iter().find(|n| n.vertex == v);
-                new.map_or_else(|| tissue.position(v), |n| n.position)
-            };
-            let near = |v: &VertexId| place(*v).distance_squared(a);
-            let Some(to) = free.iter().copied().min_by(|v, w| near(v).total_cmp(&near(w)).then(v.cmp(w))) else { break };
-            let b = place(to);
-            let is_near = a.distance(b) < up.length().min(MOST_JOINED * tissue.diagonal());
-            let way = b - a;
-            // Out of the skin, towards the handle, the leaf meets the skin all the way. Where the ends lie over each other the skin between
-            // them is behind the blade.
-            let stands = if up.cross(way).length() < ONE_OVER_OTHER * up.length() * way.length() {
-                -ahead * up.dot(way).signum()
-            } else {
-                let out = [from, to].map(|v| vertex_normal(&tissue.mesh, v, place)).iter().sum::<DVec3>();
-                out * out.dot(up).signum()
-            };
-            let Some(leaf) = Leaf::between(a, b, stands, 2.0 * way.length()).filter(|_| is_near) else { continue };
-            free.retain(|&v| v != to);
-            // what the strip itself has tagged is not on this leaf's lines
-            std::mem::swap(&mut step.tags, tags);
-            step.tags.clear();
-            step.tags.extend([OnLines { vertex: from, lines: line::START }, OnLines { vertex: to, lines: line::END }]);
-            tissue.faces_near(leaf.min, leaf.max, &mut self.candidates);
-            self.candidates.sort_unstable();
-            let (mesh, posed) = tissue.split_borrow();
-            slit_more(mesh, &[leaf], &self.candidates, &|v| posed.position(v), scratch, step);
-            std::mem::swap(&mut step.tags, tags);
+            // a start whose cut ran into the slit before goes on from it as it is
+            if free.iter().any(|&v| step.is_one_cut(mesh, v, from) || step.is_one_cut(mesh, from, v)) {
+                continue;
+            }
+            let joined = scratch
+                .join(mesh, (from, free), (most, up), &position, step)
+                .or_else(|| scratch.join(mesh, (from, others), (BESIDE * most, up), &position, step));
+            for list in [&mut *free, &mut *others] {
+                list.retain(|&v| Some(v) != joined);
+            }
+        }
+        while let Some(from) = free.pop() {
+            // what both ends of one cut were joined around would fall out
+            others.clear();
+            others.extend(free.iter().filter(|&&v| !step.is_one_cut(mesh, from, v)));
+            let joined = scratch.join(mesh, (from, others), (most, up), &position, step);
+            free.retain(|&v| Some(v) != joined);
         }
     }
 }
