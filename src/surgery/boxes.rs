@@ -159,6 +159,12 @@ impl TearBox {
         }
     }
 
+    /// How far the middle of the blade goes from start to end, metres.
+    pub fn length(&self) -> f64 {
+        let [[tip, top], [end_tip, end_top]] = self.blades;
+        (end_tip + end_top - tip - top).length() / 2.0
+    }
+
     /// The eight corners.
     pub fn corners(&self) -> [DVec3; 8] {
         let [a, b] = &self.quads;

@@ -4,7 +4,7 @@
 //! bounds, and the particles' matrix is cut out of the parent's.
 
 use super::{SoftLayer, Tissue};
-use crate::geometry::{Components, Extraction, FaceId, ParticleId, SectionId, VertexId};
+use crate::geometry::{Components, Extraction, FaceId, HalfEdge, ParticleId, SectionId, VertexId};
 use crate::particles::{ParticleMap, RowBefore};
 use crate::rig::{RowEntry, VertexRows};
 use glam::DVec3;
@@ -51,7 +51,8 @@ impl Tissue {
     }
 
     /// Takes crumbs out of `parts` (as for [`Tissue::sever`]) and out of the tissue: where a blade crosses its own slit, corners that
-    /// no stored position can tell apart may come off. Parts of walls alone that are smaller than `shreds` metres go, too. Returns
+    /// no stored position can tell apart may come off. Parts of walls alone, and flakes without any, that are smaller than `shreds` metres
+    /// go, too. Returns
     /// their surface, square metres.
     pub fn drop_crumbs(&mut self, parts: &mut Vec<Vec<FaceId>>, shreds: f64) -> f64 {
         let least = (CRUMB * self.diagonal()).powi(2);
@@ -79,9 +80,11 @@ impl Tissue {
         area_dropped
     }
 
-    /// True for walls alone that reach less far than `size` metres.
+    /// True for walls alone, and for flakes of an open surface, that reach less far than `size` metres.
     fn is_shred(&self, faces: &[FaceId], size: f64) -> bool {
-        if size == 0.0 || !faces.iter().all(|&f| self.mesh.face_info(f).is_interior()) {
+        let is_wall = || faces.iter().all(|&f| self.mesh.face_info(f).is_interior());
+        let is_flake = || faces.iter().any(|&f| (0..3).any(|k| self.mesh.opposite(HalfEdge::of(f, k)).is_none()));
+        if size == 0.0 || !(is_wall() || is_flake()) {
             return false;
         }
         let corners = || faces.iter().flat_map(|&f| self.mesh.face(f)).map(|v| self.position(v));

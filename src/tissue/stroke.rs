@@ -42,6 +42,9 @@ const MOST_WALLS_CUT: [usize; 2] = [300, 700];
 /// Boxes that the next may go on from: the ends of two chains at a pivot, what came before them, and boxes of a cone's tip between.
 const ENDS_KEPT: usize = 8;
 
+/// Vertices on lips that the next box is told of at most, where boxes are short.
+const MOST_LIPS: usize = 256;
+
 /// What a box leaves for the next of its chain.
 #[derive(Default)]
 struct Ended {
@@ -55,8 +58,10 @@ struct Ended {
     /// Its walls: the end wall, which goes when the chain goes on, and the others (both sorted).
     end_wall: Vec<FaceId>,
     other_walls: Vec<FaceId>,
-    /// Its lips: where the tissue moves they stay on the side that they are on.
+    /// Its lips, and after a short box those of the box before: where the tissue moves they stay on the side that they are on.
     lips: Vec<(VertexId, i8)>,
+    /// How far back along the blade's way those reach, metres.
+    lips_reach: f64,
     /// Vertices that it touched or made, where another box has come after it.
     near: Vec<VertexId>,
 }
@@ -291,10 +296,10 @@ impl TearStroke {
         &self.reports
     }
 
-    /// Pieces of walls alone that come off and are smaller than this are shreds, metres: in tissue that moves the ends of boxes do not
-    /// quite meet, and what is left between them, thinner than the blade, is none of the model's.
+    /// Pieces of walls alone, and flakes of skin, that come off and are smaller than this are shreds, metres: in tissue that moves the ends
+    /// of boxes do not quite meet, and what is left between them, thinner than the blade, is none of the model's.
     pub(crate) fn shreds(&self) -> f64 {
-        if self.has_moved && self.wall == WallMode::Closed { self.width } else { 0.0 }
+        if self.has_moved { self.width } else { 0.0 }
     }
 
     /// True if anything was torn.
@@ -331,7 +336,7 @@ impl TearStroke {
         }
         let mut tags = std::mem::take(&mut self.tags);
         planes.start_tags(&before.tags, &mut tags);
-        if planes.start == 0 && self.wall == WallMode::Closed {
+        if planes.start == 0 {
             planes.tag_lips(&before.lips, &mut tags);
         }
         let material = if self.wall == WallMode::Closed { tissue.wound_material() } else { 0 };
@@ -368,7 +373,7 @@ impl TearStroke {
             self.near.clear();
             self.rest_edge(tissue, tear_box, 1)
         };
-        self.keep_end(tissue, tear_box, &planes, end);
+        self.keep_end(tissue, tear_box, &planes, (&before, end));
         self.spare_ended.push(before);
         (self.planes, self.tags) = (planes, tags);
         if hit || self.wall == WallMode::Open || !(given_up || is_buried(tissue, &self.positions, tear_box)) {
@@ -437,7 +442,7 @@ impl TearStroke {
     }
 
     /// Remembers where the box ended, its walls and lips, for the next of its chain.
-    fn keep_end(&mut self, tissue: &Tissue, tear_box: &TearBox, planes: &BoxPlanes, at_rest: [DVec3; 2]) {
+    fn keep_end(&mut self, tissue: &Tissue, tear_box: &TearBox, planes: &BoxPlanes, (before, at_rest): (&Ended, [DVec3; 2])) {
         let step = &self.step;
         // the box may have cut what those of the other chain have left; a face's slot may be in use again
         let made = &mut self.made;
@@ -473,7 +478,13 @@ impl TearStroke {
             }
             end.end_wall.sort_unstable();
             end.other_walls.sort_unstable();
-            end.lips.extend(step.lips.iter().map(|l| (l.vertex, l.side)));
+        }
+        end.lips.extend(step.lips.iter().map(|l| (l.vertex, l.side)));
+        end.lips_reach = tear_box.length();
+        // the next box reaches back by half its length, which may be more than this one's
+        if 2.0 * end.lips_reach < before.lips_reach && end.lips.len() + before.lips.len() <= MOST_LIPS {
+            end.lips.extend(before.lips.iter().filter(|l| tissue.mesh.vertex_is_live(l.0)));
+            end.lips_reach += before.lips_reach;
         }
         self.ended.push(end);
     }
