@@ -11,6 +11,7 @@ use common::bodies::{Hexahedron, any_box, tear};
 use common::models;
 use common::reference::{volume, volume_of_difference};
 use glam::{DMat3, DVec3};
+use incise::formats::Model;
 use incise::geometry::VertexId;
 use incise::scene::{EditCommand, EditReport, Outcome, Scene, SceneSettings};
 use incise::surgery::{BladePose, SamplingSettings, TearBox, WallMode};
@@ -76,9 +77,21 @@ fn a_broken_wall_is_caught() {
     assert!(check(&before, &after, &torn).is_err(), "a wall face too few");
 }
 
+/// A model given as the text of an OBJ file.
+fn model_of_obj(text: &str) -> Model {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.obj");
+    std::fs::write(&path, text).unwrap();
+    incise::formats::load(path.to_str().unwrap()).unwrap()
+}
+
 /// A scene without particles, at rest, and its surface in model space.
 fn still_scene(name: &str, faces: usize) -> (Scene, Vec<DVec3>, Vec<[u32; 3]>) {
-    let model = models::model(name, faces);
+    still(models::model(name, faces))
+}
+
+/// [`still_scene`] of any model.
+fn still(model: Model) -> (Scene, Vec<DVec3>, Vec<[u32; 3]>) {
     let settings = TissueSettings { particles: None, ..models::settings(&model) };
     let tissue = Tissue::new(model, &settings).unwrap();
     let mut positions = vec![DVec3::ZERO; tissue.mesh().vertex_slots()];
@@ -157,7 +170,15 @@ fn check_poses(
     faces: usize,
     poses: impl Fn((DVec3, DVec3)) -> (f64, Vec<BladePose>),
 ) -> Result<Option<[usize; 2]>, TestCaseError> {
-    let (mut scene, positions, triangles) = still_scene(name, faces);
+    check_solid(&format!("{name} {faces}"), still_scene(name, faces), poses)
+}
+
+/// [`check_poses`] on a scene and its surface.
+fn check_solid(
+    name: &str,
+    (mut scene, positions, triangles): (Scene, Vec<DVec3>, Vec<[u32; 3]>),
+    poses: impl Fn((DVec3, DVec3)) -> (f64, Vec<BladePose>),
+) -> Result<Option<[usize; 2]>, TestCaseError> {
     let (width, poses) = poses(bounds(&positions));
     let report = stroke(&mut scene, width, &poses);
     for (_, tissue) in scene.tissues() {
@@ -176,9 +197,8 @@ fn check_poses(
     let removed = whole - expected;
     prop_assert!(
         off <= 1e-6 * whole && off <= 1e-3 * removed + 1e-9 * whole,
-        "{} {}: {} for {}, {:e} of the whole, {:e} of the removed; boxes {:?}",
+        "{}: {} for {}, {:e} of the whole, {:e} of the removed; boxes {:?}",
         name,
-        faces,
         found,
         expected,
         off / whole,

@@ -2,7 +2,7 @@
 
 use super::Tissue;
 use super::positions::PositionCache;
-use super::surface::{segment_meets_box, segment_triangle};
+use super::surface::{segment_crosses, segment_meets_box};
 use crate::geometry::FaceId;
 use crate::surgery::{BladePose, EntryPoint, Surface, TearBox};
 use glam::DVec3;
@@ -83,13 +83,16 @@ pub(super) fn is_buried(tissue: &Tissue, positions: &PositionCache, tear_box: &T
     is_inside(tissue, positions, tissue.sections_extent(), centre, way)
 }
 
-/// True if the first thing that a look from `p` along `way` meets is seen from within. `low` and `high` bound the tissue.
+/// True if `p` lies inside the solid: a look from there along `way` leaves it once more often than it enters it. What is met first does
+/// not tell, since rounding may turn round the two sides of a film. `low` and `high` bound the tissue.
 fn is_inside(tissue: &Tissue, positions: &PositionCache, (low, high): (DVec3, DVec3), p: DVec3, way: DVec3) -> bool {
     if p.cmplt(low).any() || p.cmpgt(high).any() {
         return false;
     }
     let far = p + way * 2.0 * (high - low).length();
-    tissue.blade_entry_at(far, p, |v| positions.of(tissue, v)).is_some_and(|(s, _)| s == 0.0)
+    let near = tissue.faces_where(move |low, high| segment_meets_box(far, p, low, high));
+    let crossings = near.filter_map(|f| segment_crosses(p, far, tissue.mesh.face(f).map(|v| positions.of(tissue, v))));
+    crossings.map(|(_, leaves)| if leaves { 1 } else { -1 }).sum::<i32>() > 0
 }
 
 /// Pieces of a face of the loaded model that one box may leave around it.
@@ -111,13 +114,13 @@ pub(super) fn is_crumpled(tissue: &Tissue, added: &[FaceId], origins: &mut Vec<u
 const PULLED: f64 = 0.02;
 
 /// Corners of a box (bits) that lie inside the tissue. They are looked at from a little within the box, since it may share planes with
-/// walls; skin between is no such wall. `near` are all faces that reach into the box. Looks go to the middle of the box, and on through
-/// the body only from there.
+/// walls; skin between is no such wall. `near` are all faces that reach into the box. Looks go to the middle of the box, and count how
+/// often they leave the solid and enter it; on through the body they go only from there, and only where the corners tell no inside from
+/// outside.
 pub(super) fn corners_inside(tissue: &Tissue, positions: &PositionCache, corners: &[DVec3; 8], near: &[FaceId]) -> u8 {
     let centre = corners.iter().sum::<DVec3>() / 8.0;
-    // the first face beyond the beginning, and whether it is seen from within; the last before it, and whether it is skin
-    let mut first: [Option<(f64, FaceId, bool)>; 8] = [None; 8];
-    let mut passed: [Option<(f64, FaceId, bool)>; 8] = [None; 8];
+    // how much oftener the solid covers each corner than the middle
+    let mut cover = [0i32; 8];
     let [low, high] = corners.iter().fold([centre; 2], |[low, high], p| [low.min(*p), high.max(*p)]);
     for &f in near {
         let face = tissue.mesh.face(f).map(|v| positions.of(tissue, v));
@@ -125,25 +128,22 @@ pub(super) fn corners_inside(tissue: &Tissue, positions: &PositionCache, corners
         if a.min(b).min(c).cmpgt(high).any() || a.max(b).max(c).cmplt(low).any() {
             continue;
         }
-        for (k, &p) in corners.iter().enumerate() {
-            let Some(s) = segment_triangle(p, centre, face) else { continue };
-            if s < PULLED {
-                if passed[k].is_none_or(|last| (s, f) > (last.0, last.1)) {
-                    passed[k] = Some((s, f, !tissue.mesh.face_info(f).is_interior()));
-                }
-            } else if first[k].is_none_or(|best| (s, f) < (best.0, best.1)) {
-                first[k] = Some((s, f, (b - a).cross(c - a).dot(centre - p) > 0.0));
+        let is_wall = tissue.mesh.face_info(f).is_interior();
+        for (cover, &p) in cover.iter_mut().zip(corners) {
+            if let Some((s, leaves)) = segment_crosses(p, centre, face)
+                && (s >= PULLED || !is_wall)
+            {
+                *cover += if leaves { 1 } else { -1 };
             }
         }
     }
-    let mut at_centre = None;
-    let mut inside = |k: usize| {
-        let within = first[k].map(|met| met.2).unwrap_or_else(|| {
-            // in no plane that a blade is likely to move in
-            let way = DVec3::new(0.536_1, 0.741_7, 0.403_3).normalize();
-            *at_centre.get_or_insert_with(|| is_inside(tissue, positions, tissue.sections_extent(), centre, way))
-        });
-        within != passed[k].is_some_and(|met| met.2)
+    let (least, most) = cover.iter().fold((0, 0), |(least, most), &c| (c.min(least), c.max(most)));
+    let at_centre = if most - least == 1 {
+        -least
+    } else {
+        // in no plane that a blade is likely to move in
+        let way = DVec3::new(0.536_1, 0.741_7, 0.403_3).normalize();
+        i32::from(is_inside(tissue, positions, tissue.sections_extent(), centre, way))
     };
-    (0..8).fold(0, |bits, k| bits | u8::from(inside(k)) << k)
+    (0..8).fold(0, |bits, k| bits | u8::from(at_centre + cover[k] > 0) << k)
 }

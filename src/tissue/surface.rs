@@ -161,6 +161,30 @@ pub(super) fn segment_triangle(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Opt
     inside.then(|| (dp / (dp - dq)).clamp(0.0, 1.0))
 }
 
+/// Where ends of segments count as being that lie in a plane, edge or corner of a triangle: beside it by next to nothing this way.
+const BESIDE: DVec3 = DVec3::new(0.613_7, 0.290_3, 0.734_2);
+
+/// Parameter at which the segment `p -> q` goes through a triangle, and whether it goes out through its front; `None` if it does not.
+/// Of triangles that meet in an edge or a corner, a segment through it goes through as many as one beside it.
+pub(super) fn segment_crosses(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, bool)> {
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    if p.min(q).cmpgt(high).any() || p.max(q).cmplt(low).any() {
+        return None;
+    }
+    let at = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
+    let is_behind = |d: f64| if d == 0.0 { (b - a).cross(c - a).dot(BESIDE) < 0.0 } else { d > 0.0 };
+    let (dp, dq) = (robust::orient3d(at(a), at(b), at(c), at(p)), robust::orient3d(at(a), at(b), at(c), at(q)));
+    if is_behind(dp) == is_behind(dq) {
+        return None;
+    }
+    let turns_left = [(a, b), (b, c), (c, a)].map(|(u, v)| {
+        let turn = robust::orient3d(at(p), at(q), at(u), at(v));
+        if turn == 0.0 { BESIDE.dot((q - p).cross(u - v)) > 0.0 } else { turn > 0.0 }
+    });
+    let inside = turns_left.iter().all(|&t| t) || turns_left.iter().all(|&t| !t);
+    inside.then(|| ((dp / (dp - dq)).clamp(0.0, 1.0), is_behind(dp)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -198,5 +222,26 @@ mod tests {
         assert_eq!(hit(0.0, 0.0), Some(0.25));
         assert_eq!(hit(0.6, 0.6), None);
         assert_eq!(segment_triangle(DVec3::new(0.2, 0.2, 2.0), DVec3::new(0.2, 0.2, 1.0), t), None);
+    }
+    /// Segments through edges and corners of a cube leave it once more often than they enter it where they begin inside, and only there.
+    #[test]
+    fn segments_through_edges_and_corners_count_once() {
+        let corner = |k: usize| DVec3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64);
+        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+        let faces: Vec<_> = quads.iter().flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]].map(|t| t.map(corner))).collect();
+        let grid = |k: i32| DVec3::new(f64::from(k % 7), f64::from(k / 7 % 7), f64::from(k / 49)) / 2.0 - 1.0;
+        let is_inside = |p: DVec3| p.cmpgt(DVec3::ZERO).all() && p.cmplt(DVec3::ONE).all();
+        let on_surface = |p: DVec3| p.cmpge(DVec3::ZERO).all() && p.cmple(DVec3::ONE).all() && !is_inside(p);
+        let mut touching = 0;
+        for (p, q) in (0..343).flat_map(|i| (0..343).map(move |j| (grid(i), grid(j)))) {
+            if p == q || on_surface(p) || on_surface(q) {
+                continue;
+            }
+            let crossings = faces.iter().filter_map(|f| segment_crosses(p, q, *f));
+            let sum: i32 = crossings.map(|(_, leaves)| if leaves { 1 } else { -1 }).sum();
+            assert_eq!(sum, i32::from(is_inside(p)) - i32::from(is_inside(q)), "{p} to {q}");
+            touching += usize::from(faces.iter().filter(|f| segment_triangle(p, q, **f).is_some()).count() > 2);
+        }
+        assert!(touching > 1000, "{touching}");
     }
 }

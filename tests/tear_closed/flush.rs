@@ -32,17 +32,7 @@ fn block(cells: &[[i32; 3]]) -> Scene {
             }
         }
     }
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("block.obj");
-    std::fs::write(&path, text + &faces).unwrap();
-    let model = incise::formats::load(path.to_str().unwrap()).unwrap();
-    let settings = TissueSettings { particles: None, ..models::settings(&model) };
-    let mut scene = Scene::new(
-        Tissue::new(model, &settings).unwrap(),
-        SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None },
-    );
-    scene.set_wall(WallMode::Closed);
-    scene
+    still(model_of_obj(&(text + &faces))).0
 }
 
 /// A base of three by two cells, and a tooth on either end of it.
