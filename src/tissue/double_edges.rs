@@ -15,27 +15,24 @@ impl Tissue {
         let mut made = 0;
         let mut spokes: Vec<(VertexId, HalfEdge)> = Vec::new();
         for &v in vertices.iter() {
-            if !self.mesh.vertex_is_live(v) {
-                continue;
-            }
-            spokes.clear();
-            spokes.extend(self.mesh.fan(v).map(|h| (self.mesh.to(h), h)));
-            if spokes.len() > 1 {
-                spokes.sort_unstable();
-                for i in 1..spokes.len() {
-                    let [(a, first), (b, second)] = [spokes[i - 1], spokes[i]];
-                    if a == b {
-                        let walls = [second, first].map(|h| self.is_of_walls(h));
-                        let choice = if walls == [false, true] { [first, second] } else { [second, first] };
-                        if choice.into_iter().any(|h| self.split_edge(h)) {
-                            made += 1;
-                            break; // the fan is another now; a third edge would be seen from the other end
-                        }
-                    }
-                }
+            while self.mesh.vertex_is_live(v) && self.part_one_at(v, &mut spokes) {
+                made += 1;
             }
         }
         made
+    }
+
+    /// Parts one double edge at `v`, whose fan is another then. False if there is none that can be parted.
+    fn part_one_at(&mut self, v: VertexId, spokes: &mut Vec<(VertexId, HalfEdge)>) -> bool {
+        spokes.clear();
+        spokes.extend(self.mesh.fan(v).map(|h| (self.mesh.to(h), h)));
+        spokes.sort_unstable();
+        spokes.windows(2).filter(|pair| pair[0].0 == pair[1].0).any(|pair| {
+            let [first, second] = [pair[0].1, pair[1].1];
+            let walls = [second, first].map(|h| self.is_of_walls(h));
+            let choice = if walls == [false, true] { [first, second] } else { [second, first] };
+            choice.into_iter().any(|h| self.split_edge(h))
+        })
     }
 
     /// True if the faces on both sides are walls.

@@ -276,6 +276,28 @@ fn a_box_in_a_void_with_films_takes_nothing_out() {
     assert!(torn.is_some(), "the reference must have an answer");
 }
 
+/// Hair-wide slits along the planes of symmetry of an icosahedron, over one another: films between their walls, and vertices in which more
+/// than one edge is double.
+#[test]
+fn hairs_along_planes_of_symmetry_take_out_their_union() {
+    const FACES: &str = "f 1 12 6\nf 1 6 2\nf 1 2 8\nf 1 8 11\nf 1 11 12\nf 2 6 10\nf 6 12 5\nf 12 11 3\nf 11 8 7\nf 8 2 9\n\
+        f 4 10 5\nf 4 5 3\nf 4 3 7\nf 4 7 9\nf 4 9 10\nf 5 10 6\nf 3 5 12\nf 7 3 11\nf 9 7 8\nf 10 9 2\n";
+    const CORNERS: &str = "v -0.0525741987 0.085065797 0\nv 0.0525741987 0.085065797 0\nv -0.0525741987 -0.085065797 0\n\
+        v 0.0525741987 -0.085065797 0\nv 0 -0.0525722988 0.085065797\nv 0 0.0525722988 0.085065797\n\
+        v 0 -0.0525722988 -0.085065797\nv 0 0.0525722988 -0.085065797\nv 0.0850638971 0 -0.0525722988\n\
+        v 0.0850638971 0 0.0525722988\nv -0.0850638971 0 -0.0525722988\nv -0.0850638971 0 0.0525722988\n";
+    let (x, low, high) = (0.08506389707326889, 0.05257229879498482, 0.08411567807197429);
+    let path = [
+        [[x, 0.0, high], [x, 0.0, -low]],
+        [[x, 0.0, -high], [x, 0.0, low]],
+        [[-1.6 * x, 0.0, high], [x, 0.0, -low]],
+        [[-1.6 * x, 0.0, -high], [x, 0.0, low]],
+    ];
+    let poses = |_| (5.414828353825306e-05, poses_of(&path, 0.3333333333333333));
+    let torn = check_solid("icosahedron", still(model_of_obj(&format!("{CORNERS}{FACES}"))), poses).unwrap();
+    assert!(torn.is_some(), "the reference must have an answer");
+}
+
 /// A blade that goes round the tip of a cone in a ball, `beyond` it or short of it, in shares of the ball's diagonal.
 fn cone([radius, depth, beyond, width]: [f64; 4], (low, high): (DVec3, DVec3)) -> (f64, Vec<BladePose>) {
     let size = high.z - low.z;
