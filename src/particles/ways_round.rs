@@ -15,6 +15,9 @@ const MOST_SLITS: usize = 4;
 /// Edges from one lip to the other along which they meet, at most: round the corners of a slit's end, through the skin before it.
 const MOST_EDGES: usize = 4;
 
+/// Vertices that those are looked for over, from each: around one in which the dust of many slits meets there are all others.
+const MOST_REACHED: usize = 256;
+
 /// Mesh, strips and rest positions.
 type Torn<'a> = (&'a Mesh, &'a Strips, &'a [DVec3]);
 
@@ -94,7 +97,7 @@ impl WaysRound {
             for i in ring.clone() {
                 for w in mesh.neighbours(reached[i].0) {
                     match lip(w) {
-                        0 if reached.iter().all(|r| r.0 != w) => reached.push((w, i)),
+                        0 if reached.len() < MOST_REACHED && reached.iter().all(|r| r.0 != w) => reached.push((w, i)),
                         -1 if rest[from.index()].distance_squared(rest[w.index()]) < spacing * spacing => {
                             let mut way = [w; MOST_EDGES + 1];
                             let mut at = i;

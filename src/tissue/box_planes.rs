@@ -106,11 +106,15 @@ impl BoxPlanes {
         self.start = 0;
     }
 
-    /// Vertices on the lips of the box before are on this one's sides, however the tissue has moved them.
-    pub(super) fn tag_lips(&self, lips: &[(VertexId, i8)], tags: &mut Vec<OnPlanes>) {
+    /// Vertices on the lips of the box before are on this one's sides, however the tissue has moved them, if `beside` says of one and of a
+    /// plane of its side that they belong together.
+    pub(super) fn tag_lips(&self, lips: &[(VertexId, i8)], beside: impl Fn(VertexId, &Plane) -> bool, tags: &mut Vec<OnPlanes>) {
         let planes = |side: Side| (0..self.sides.len()).filter(|&k| self.sides[k] == side).fold(0, |m, k| m | 1 << k);
         let (minus, plus) = (planes(Side::Minus), planes(Side::Plus));
-        tags.extend(lips.iter().map(|l| OnPlanes { vertex: l.0, planes: if l.1 < 0 { minus } else { plus } }));
+        let of = |l: &(VertexId, i8)| OnPlanes { vertex: l.0, planes: if l.1 < 0 { minus } else { plus } };
+        let is_beside =
+            |t: &OnPlanes| (0..self.planes.len()).any(|k| t.planes >> k & 1 == 1 && beside(t.vertex, &self.planes[k]));
+        tags.extend(lips.iter().map(of).filter(is_beside));
         tags.sort_unstable_by_key(|t| t.vertex);
         tags.dedup_by(|a, b| {
             b.planes |= if a.vertex == b.vertex { a.planes } else { 0 };

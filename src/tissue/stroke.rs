@@ -14,7 +14,7 @@ mod stroke_ties;
 use super::inside::{CLEARANCE, Seen, corners_inside, is_buried, is_crumpled};
 use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
-use crate::geometry::{Distinct, FaceId, VertexId};
+use crate::geometry::{Distinct, FaceId, Plane, VertexId};
 use crate::particles::LipVertex;
 use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
 use crate::surgery::tear_walls::WallSpec;
@@ -41,6 +41,9 @@ const MOST_WALLS_CUT: [usize; 2] = [300, 700];
 
 /// Boxes that the next may go on from: the ends of two chains at a pivot, what came before them, and boxes of a cone's tip between.
 const ENDS_KEPT: usize = 8;
+
+/// A lip of an open tear that is farther off the next box's side than this part of that one's length is not its.
+const LIP_OFF: f64 = 1.0 / 8.0;
 
 /// Vertices on lips that the next box is told of at most, where boxes are short.
 const MOST_LIPS: usize = 256;
@@ -337,7 +340,11 @@ impl TearStroke {
         let mut tags = std::mem::take(&mut self.tags);
         planes.start_tags(&before.tags, &mut tags);
         if planes.start == 0 {
-            planes.tag_lips(&before.lips, &mut tags);
+            // a blade that turns leaves lips that are none of the next box's; walls have to meet all the same
+            let most = if self.wall == WallMode::Closed { f64::INFINITY } else { LIP_OFF * tear_box.length() };
+            let seen = &self.positions;
+            let beside = |v: VertexId, plane: &Plane| plane.distance(seen.of(tissue, v)).abs() <= most;
+            planes.tag_lips(&before.lips, beside, &mut tags);
         }
         let material = if self.wall == WallMode::Closed { tissue.wound_material() } else { 0 };
         let [low, high] = tear_box.bounds();
