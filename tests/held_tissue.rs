@@ -145,7 +145,7 @@ fn a_hand_that_lets_go_under_the_blade_leaves_few_threads() {
 fn openings_in_a_heart_that(beats: bool, path: [DVec3; 2]) -> usize {
     let mut scene = heart();
     scene.set_animation(beats.then_some(0));
-    let mut settle = |scene: &mut Scene, k: u32| {
+    let settle = |scene: &mut Scene, k: u32| {
         scene.pose(f64::from(k) * STEP, f64::from(k) * STEP);
         scene.step(STEP);
     };
