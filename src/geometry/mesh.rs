@@ -269,6 +269,11 @@ impl Mesh {
         })
     }
 
+    /// The half-edge that leaves `v` along its border, if it has one.
+    pub fn border_from(&self, v: VertexId) -> Option<HalfEdge> {
+        self.fan(v).next().filter(|&h| self.opposite(h).is_none())
+    }
+
     /// Vertices joined to `v` by an edge, counter-clockwise, each once.
     pub fn neighbours(&self, v: VertexId) -> impl Iterator<Item = VertexId> + '_ {
         let mut open_end = None;

@@ -17,6 +17,12 @@ pub struct NewVertex {
 }
 
 impl NewVertex {
+    /// On the edge from `a` to `b`, given with their places, at parameter `t`.
+    pub fn on_edge(vertex: VertexId, [a, b]: [(VertexId, DVec3); 2], t: f64) -> Self {
+        let parents = [(a.0, 1.0 - t), (b.0, t), (VertexId::NONE, 0.0)];
+        Self { vertex, parents, parent_count: 2, position: a.1.lerp(b.1, t) }
+    }
+
     /// The copy that a fan split made: it lies where its original lies.
     pub fn copy_of(split: SplitVertex, position: DVec3) -> Self {
         let none = (VertexId::NONE, 0.0);

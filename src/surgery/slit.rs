@@ -70,9 +70,14 @@ impl SlitStep {
         out.truncate(kept);
     }
 
+    fn sort_touched(&mut self) {
+        self.touched.sort_unstable();
+        self.touched.dedup();
+    }
+
     /// True if one lip of what the step has opened leads from vertex `a` to `b`.
     pub fn is_one_cut(&self, mesh: &Mesh, a: VertexId, b: VertexId) -> bool {
-        let border = |v: VertexId| mesh.fan(v).find(|&h| mesh.opposite(h).is_none()).map(|h| mesh.to(h));
+        let border = |v: VertexId| mesh.border_from(v).map(|h| mesh.to(h));
         std::iter::successors(Some(a), |&v| border(v)).take(self.met.len() + 1).any(|v| v == b)
     }
 
@@ -174,8 +179,7 @@ pub fn slit_step(
     for leaf in leaves {
         scratch.open_leaf(mesh, leaf, candidates, &places, out);
     }
-    out.touched.sort_unstable();
-    out.touched.dedup();
+    out.sort_touched();
     out.opened_edges > 0
 }
 
@@ -217,6 +221,10 @@ impl SlitScratch {
             self.replace(mesh, out);
             self.open(mesh, out);
         }
+        self.free_slots();
+    }
+
+    fn free_slots(&mut self) {
         for v in &self.slotted {
             self.slot[v.index()] = NO_SLOT;
         }
@@ -247,15 +255,21 @@ impl SlitScratch {
             return known as usize;
         }
         let at = places.of(v, &out.new_vertices);
-        let slot = self.slotted.len();
-        self.slot[v.index()] = slot as u32;
-        self.slotted.push(v);
-        self.positions.push(at);
+        let slot = self.new_slot(v, at);
         let tagged = out.tags.iter().filter(|t| t.vertex == v).fold(0, |m, t| m | t.lines);
         self.values.push(if tagged & leaf.lines != 0 { 0.0 } else { leaf.value(at) });
         for bound in &leaf.bounds {
             self.values.push(if tagged & bound.line != 0 { 0.0 } else { bound.plane.value(at) });
         }
+        slot
+    }
+
+    /// A slot for a vertex that has none; its values are still to be pushed.
+    fn new_slot(&mut self, v: VertexId, at: DVec3) -> usize {
+        let slot = self.slotted.len();
+        self.slot[v.index()] = slot as u32;
+        self.slotted.push(v);
+        self.positions.push(at);
         slot
     }
 
@@ -354,9 +368,8 @@ impl SlitScratch {
             let vertex = mesh.add_vertex();
             self.edge_points.insert((a, value_a), (b, value_b), plane, vertex);
             let t = super::clip::edge_parameter(value_a, value_b);
-            let parents = [(a, 1.0 - t), (b, t), (VertexId::NONE, 0.0)];
-            let position = self.positions[slot_a].lerp(self.positions[slot_b], t);
-            out.new_vertices.push(NewVertex { vertex, parents, parent_count: 2, position });
+            let ends = [(a, self.positions[slot_a]), (b, self.positions[slot_b])];
+            out.new_vertices.push(NewVertex::on_edge(vertex, ends, t));
         }
     }
 

@@ -185,19 +185,14 @@ impl SlitScratch {
             self.replace(mesh, out);
         }
         self.open(mesh, out);
-        for v in &self.slotted {
-            self.slot[v.index()] = NO_SLOT;
-        }
-        out.touched.sort_unstable();
-        out.touched.dedup();
+        self.free_slots();
+        out.sort_touched();
         Some(goal)
     }
 
     fn slot_with(&mut self, v: VertexId, value: f64, at: DVec3) {
         if self.slot[v.index()] == NO_SLOT {
-            self.slot[v.index()] = self.slotted.len() as u32;
-            self.slotted.push(v);
-            self.positions.push(at);
+            self.new_slot(v, at);
             self.values.push(value);
         }
     }
@@ -217,9 +212,8 @@ impl SlitScratch {
             }
             let vertex = mesh.add_vertex();
             self.edge_points.insert((a, t), (b, t - 1.0), 0, vertex);
-            let position = places.of(a, &out.new_vertices).lerp(places.of(b, &out.new_vertices), t);
-            let parents = [(a, 1.0 - t), (b, t), (VertexId::NONE, 0.0)];
-            out.new_vertices.push(NewVertex { vertex, parents, parent_count: 2, position });
+            let ends = [a, b].map(|v| (v, places.of(v, &out.new_vertices)));
+            out.new_vertices.push(NewVertex::on_edge(vertex, ends, t));
         }
     }
 
@@ -243,7 +237,7 @@ impl SlitScratch {
 /// Whether the slit that begins at `goal` has its positive side on the left; none if it has no lips there.
 fn goes_forward(mesh: &Mesh, goal: VertexId, out: &SlitStep) -> Option<bool> {
     let side = |v: VertexId| out.lips.iter().find(|l| l.vertex == v).map(|l| l.side);
-    let leaving = mesh.fan(goal).find(|&h| mesh.opposite(h).is_none()).and_then(|h| side(mesh.to(h)));
+    let leaving = mesh.border_from(goal).and_then(|h| side(mesh.to(h)));
     let coming = || mesh.fan(goal).map(HalfEdge::prev).find(|&h| mesh.opposite(h).is_none()).and_then(|h| side(mesh.from(h)));
     leaving.map(|s| s < 0).or_else(|| coming().map(|s| s > 0))
 }

@@ -322,9 +322,8 @@ impl TearScratch {
                 let vertex = mesh.add_vertex();
                 self.edge_points.insert((a, value_a), (b, value_b), plane, vertex);
                 let t = super::clip::edge_parameter(value_a, value_b);
-                let parents = [(a, 1.0 - t), (b, t), (VertexId::NONE, 0.0)];
-                let at = self.positions[slot_a].lerp(self.positions[slot_b], t);
-                out.new_vertices.push(NewVertex { vertex, parents, parent_count: 2, position: at });
+                let ends = [(a, self.positions[slot_a]), (b, self.positions[slot_b])];
+                out.new_vertices.push(NewVertex::on_edge(vertex, ends, t));
             }
         }
     }

@@ -144,19 +144,30 @@ pub(super) fn segment_meets_box(p: DVec3, q: DVec3, low: DVec3, high: DVec3) -> 
     turn.cmple(most + slack).all()
 }
 
+fn orient(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
+    let [a, b, c, d] = [a, b, c, d].map(|p| robust::Coord3D { x: p.x, y: p.y, z: p.z });
+    robust::orient3d(a, b, c, d)
+}
+
+fn edges([a, b, c]: [DVec3; 3]) -> [(DVec3, DVec3); 3] {
+    [(a, b), (b, c), (c, a)]
+}
+
+/// On which side of a triangle's plane the ends of a segment are, exact in sign; `None` if the bounds of the two do not meet.
+fn heights(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<[f64; 2]> {
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    let is_apart = p.min(q).cmpgt(high).any() || p.max(q).cmplt(low).any();
+    (!is_apart).then(|| [p, q].map(|end| orient(a, b, c, end)))
+}
+
 /// Parameter at which the segment `p -> q` meets a triangle, edges and corners included; `None` if it does not, or lies in its
 /// plane.
 pub(super) fn segment_triangle(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    if p.min(q).cmpgt(high).any() || p.max(q).cmplt(low).any() {
-        return None;
-    }
-    let at = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
-    let (dp, dq) = (robust::orient3d(at(a), at(b), at(c), at(p)), robust::orient3d(at(a), at(b), at(c), at(q)));
+    let [dp, dq] = heights(p, q, [a, b, c])?;
     if dp == 0.0 && dq == 0.0 || dp * dq > 0.0 {
         return None;
     }
-    let turns = [(a, b), (b, c), (c, a)].map(|(u, v)| robust::orient3d(at(p), at(q), at(u), at(v)));
+    let turns = edges([a, b, c]).map(|(u, v)| orient(p, q, u, v));
     let inside = turns.iter().all(|&t| t >= 0.0) || turns.iter().all(|&t| t <= 0.0);
     inside.then(|| (dp / (dp - dq)).clamp(0.0, 1.0))
 }
@@ -167,18 +178,13 @@ const BESIDE: DVec3 = DVec3::new(0.613_7, 0.290_3, 0.734_2);
 /// Parameter at which the segment `p -> q` goes through a triangle, and whether it goes out through its front; `None` if it does not.
 /// Of triangles that meet in an edge or a corner, a segment through it goes through as many as one beside it.
 pub(super) fn segment_crosses(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, bool)> {
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    if p.min(q).cmpgt(high).any() || p.max(q).cmplt(low).any() {
-        return None;
-    }
-    let at = |p: DVec3| robust::Coord3D { x: p.x, y: p.y, z: p.z };
+    let [dp, dq] = heights(p, q, [a, b, c])?;
     let is_behind = |d: f64| if d == 0.0 { (b - a).cross(c - a).dot(BESIDE) < 0.0 } else { d > 0.0 };
-    let (dp, dq) = (robust::orient3d(at(a), at(b), at(c), at(p)), robust::orient3d(at(a), at(b), at(c), at(q)));
     if is_behind(dp) == is_behind(dq) {
         return None;
     }
-    let turns_left = [(a, b), (b, c), (c, a)].map(|(u, v)| {
-        let turn = robust::orient3d(at(p), at(q), at(u), at(v));
+    let turns_left = edges([a, b, c]).map(|(u, v)| {
+        let turn = orient(p, q, u, v);
         if turn == 0.0 { BESIDE.dot((q - p).cross(u - v)) > 0.0 } else { turn > 0.0 }
     });
     let inside = turns_left.iter().all(|&t| t) || turns_left.iter().all(|&t| !t);

@@ -14,7 +14,7 @@ use super::space::{Placement, Pose};
 use super::swapchain::Images;
 use crate::app::{FrameCounters, FrameTarget, FrameView};
 use crate::config::VrSettings;
-use crate::diagnostics::{Stages, core_seconds};
+use crate::diagnostics::Stages;
 use crate::gpu::{
     Bounds, DrawOptions, Fov, Instrument, LineSegment, Passes, RenderTarget, Scenery, ViewPose, ViewSet, VisibilityMask,
 };
@@ -375,6 +375,8 @@ pub struct EyeTarget<'a> {
     pub allocations: fn() -> u64,
     /// Those of bringing the renderer up to date.
     pub allocated: u64,
+    /// Seconds that this thread has been on a core so far, where somebody wants to know.
+    pub core_clock: fn() -> Option<f64>,
     /// Of the time this thread was on a core, what went to waiting for the compositor, the driver and the runtime. Seconds.
     pub core_elsewhere: f64,
 }
@@ -418,7 +420,7 @@ impl EyeTarget<'_> {
         let context = graphics.context.clone();
         let times = mirror.renderer_mut().gpu_times();
         let part = fit.frame(self.load, times, budget_ms(*refresh_hz, self.period.as_nanos()), images.size());
-        let start = Moment::now();
+        let start = Moment::now(self.core_clock);
         let index = images.acquire()?;
         let depth = match depth {
             Some(depth) => Some(depth.target(depth.acquire()?)),
@@ -439,14 +441,14 @@ impl EyeTarget<'_> {
         let Some(images) = images else { return Ok(elsewhere) };
         mirror.renderer_mut().set_late_views(&poses)?;
         let commands = encoder.finish();
-        let start = Moment::now();
+        let start = Moment::now(self.core_clock);
         context.queue().submit([commands]);
         elsewhere.submit_s = start.passed(&mut elsewhere.core_s);
         if self.capture {
             self.captured = Some(capture(&context, images, index, part, &poses, masks)?);
         }
         reflect(self.mirror, images, index, part);
-        let start = Moment::now();
+        let start = Moment::now(self.core_clock);
         self.headset.release()?;
         elsewhere.submit_s += start.passed(&mut elsewhere.core_s);
         context.check()?;
@@ -470,17 +472,18 @@ struct Elsewhere {
 struct Moment {
     clock: Instant,
     core_s: f64,
+    core_clock: fn() -> Option<f64>,
 }
 
 impl Moment {
-    fn now() -> Self {
-        Self { core_s: core_seconds().unwrap_or(0.0), clock: Instant::now() }
+    fn now(core_clock: fn() -> Option<f64>) -> Self {
+        Self { core_s: core_clock().unwrap_or(0.0), clock: Instant::now(), core_clock }
     }
 
     /// Seconds since; those on a core are added to `core_s`.
     fn passed(self, core_s: &mut f64) -> f64 {
         let seconds = self.clock.elapsed().as_secs_f64();
-        *core_s += core_seconds().unwrap_or(0.0) - self.core_s;
+        *core_s += (self.core_clock)().unwrap_or(0.0) - self.core_s;
         seconds
     }
 }

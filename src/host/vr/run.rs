@@ -406,6 +406,7 @@ fn eye_target<'a>(
         changes: 0,
         allocations: || 0,
         allocated: 0,
+        core_clock: || None,
         core_elsewhere: 0.0,
     }
 }
@@ -421,7 +422,8 @@ fn frame(
     outcome: &mut VrOutcome,
 ) -> Result<Option<super::headset::Shown>, VrError> {
     let time = state.predicted_display_time;
-    let (began, core, allocated) = (Instant::now(), core_seconds(), (options.allocations)());
+    let core_clock: fn() -> Option<f64> = if options.keep_reports { core_seconds } else { || None };
+    let (began, core, allocated) = (Instant::now(), core_clock(), (options.allocations)());
     let step_s = match user.lockstep {
         Some(_) => LOCKSTEP_S,
         None => user.clock.step(time.as_nanos(), state.predicted_display_period.as_nanos()),
@@ -487,9 +489,10 @@ fn frame(
         target.load = GpuLoad::Told(asked.gpu_ms);
     }
     target.allocations = options.allocations;
+    target.core_clock = core_clock;
     let presented = app.frame(&user.frame, &mut target);
     let EyeTarget { shown, captured, changes, allocated, core_elsewhere, gpu, .. } = target;
-    let core_ms = core.and_then(|core| Some(1e3 * (core_seconds()? - core - core_elsewhere)));
+    let core_ms = core.and_then(|core| Some(1e3 * (core_clock()? - core - core_elsewhere)));
     let mut report = match presented {
         Err(why) if why.is_outgrown() && take_back(headset, app, user, &why, outcome) => return Ok(None),
         presented => presented?,
