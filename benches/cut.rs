@@ -86,7 +86,7 @@ fn main() {
                     }));
                     all.push(stages);
                     let delta = subject.take_delta();
-                    subject.travel(vec![std::sync::Arc::new(delta)]);
+                    subject.travel(vec![std::sync::Arc::new(delta)], std::iter::empty());
                 }
                 // the first grows the buffers
                 let name = format!("in place{}, {with}", if closed { " with caps" } else { "" });

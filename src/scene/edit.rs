@@ -119,6 +119,9 @@ impl Scene {
 
     /// [`Scene::edit`], with the reports added to others.
     pub fn edit_into(&mut self, command: EditCommand, reports: &mut Vec<EditReport>) {
+        // what the end of a stroke lets fall, its undo brings back at once
+        let brings_back = matches!(command, EditCommand::Undo | EditCommand::Reset);
+        let stood = if brings_back { self.stands_in_stroke() } else { Vec::new() };
         if matches!(
             command,
             EditCommand::Cut(_)
@@ -150,6 +153,11 @@ impl Scene {
             EditCommand::GrabEnd { id } => self.end_grab(id),
             EditCommand::PlaceCollider { id, shape, pose } => self.place_collider(id, shape, pose),
             EditCommand::RemoveCollider { id } => self.remove_collider(id),
+        }
+        for (id, stood) in stood {
+            if let Some(tissue) = self.tissues.get_mut(&id) {
+                tissue.hold(stood);
+            }
         }
     }
 

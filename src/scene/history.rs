@@ -13,6 +13,24 @@ pub(super) enum Change {
     Made(TissueId, Option<Box<Tissue>>),
 }
 
+impl Change {
+    /// The piece that it holds.
+    fn piece(&self) -> Option<&Tissue> {
+        match self {
+            Change::Made(_, piece) => piece.as_deref(),
+            Change::Edited(..) => None,
+        }
+    }
+
+    /// [`Change::piece`], to change it.
+    fn piece_mut(&mut self) -> Option<&mut Tissue> {
+        match self {
+            Change::Made(_, piece) => piece.as_deref_mut(),
+            Change::Edited(..) => None,
+        }
+    }
+}
+
 /// What one undo takes back: one stroke, one cut.
 #[derive(Default)]
 pub(super) struct Unit {
@@ -149,18 +167,22 @@ impl Scene {
     }
 
     /// Applies a unit's changes, last to first, and returns the unit that leads back.
-    fn travel(&mut self, unit: Unit) -> Unit {
+    fn travel(&mut self, mut unit: Unit) -> Unit {
         let mut inverse = Unit::default();
         let mut bytes = 0;
         let (mut gone, mut back) = (Vec::new(), Vec::new());
-        for change in unit.changes.into_iter().rev() {
+        while let Some(change) = unit.changes.pop() {
             inverse.changes.push(match change {
                 Change::Edited(id, deltas) => {
-                    let inverse = self.tissues.get_mut(&id).map_or_else(Vec::new, |t| t.travel(deltas));
-                    bytes += if self.measuring { upload_bytes(&inverse) } else { 0 };
+                    let Some(tissue) = self.tissues.get_mut(&id) else { continue };
+                    // its pieces: those that have gone just now, and those to come next
+                    let gone = inverse.changes.iter().rev().map_while(Change::piece);
+                    unit.changes.iter_mut().rev().map_while(Change::piece_mut).for_each(|piece| piece.come_off_again(tissue));
+                    let deltas = tissue.travel(deltas, gone);
+                    bytes += if self.measuring { upload_bytes(&deltas) } else { 0 };
                     self.rigid.rechoose_hull(id);
-                    inverse.iter().for_each(|delta| self.changes.share(id, delta));
-                    Change::Edited(id, inverse)
+                    deltas.iter().for_each(|delta| self.changes.share(id, delta));
+                    Change::Edited(id, deltas)
                 }
                 Change::Made(id, Some(tissue)) => {
                     bytes += tissue.full_upload_bytes();

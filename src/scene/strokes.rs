@@ -4,7 +4,7 @@ use super::changes::Changes;
 use super::report::{EditReport, Outcome};
 use super::{Scene, TissueId};
 use crate::geometry::room::rows_headroom;
-use crate::geometry::{Distinct, FaceId, PartsBefore};
+use crate::geometry::{Distinct, FaceId, PartsBefore, VertexId};
 use crate::surgery::{BladePose, Sampling};
 use crate::tissue::stroke::TearStroke;
 use crate::tissue::{Tissue, TissueDelta};
@@ -112,6 +112,12 @@ impl Scene {
                 stroke.note_changes(tissue, &mut self.changes, self.measuring);
             }
         }
+    }
+
+    /// Where the vertices stand of what a stroke is in progress through.
+    pub(super) fn stands_in_stroke(&self) -> Vec<(TissueId, Vec<(VertexId, DVec3)>)> {
+        let tissues = self.strokes.iter().filter_map(|s| Some((s.id, self.tissues.get(&s.id)?)));
+        tissues.map(|(id, tissue)| (id, tissue.stands())).collect()
     }
 
     pub(super) fn end_stroke(&mut self) -> Option<EditReport> {

@@ -160,6 +160,7 @@ impl Tissue {
             debug_assert_eq!(id, vertex.vertex);
             self.rest.push(self.rows.rest(id));
         }
+        self.widen_around_promoted(new);
         self.fades.follow(self.rows.len());
     }
 

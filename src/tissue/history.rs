@@ -47,12 +47,16 @@ const FACE_BYTES: usize = 32;
 
 impl Tissue {
     /// Applies deltas, last to first, and returns those that lead back. Vertices that stay alive fade from where they stand,
-    /// and particles that stay keep their displacements.
-    pub fn travel(&mut self, deltas: Vec<Arc<TissueDelta>>) -> Vec<Arc<TissueDelta>> {
-        let before: Vec<(VertexId, DVec3)> = match &self.layer {
-            Some(_) => self.mesh.live_vertices().map(|v| (v, self.position(v))).collect(),
-            None => Vec::new(),
-        };
+    /// those of `pieces` that go back into the tissue from where they stand in them, and particles that stay keep their displacements.
+    pub fn travel<'a>(
+        &mut self,
+        deltas: Vec<Arc<TissueDelta>>,
+        pieces: impl Iterator<Item = &'a Tissue>,
+    ) -> Vec<Arc<TissueDelta>> {
+        let mut before = self.stands();
+        if self.layer.is_some() {
+            before.extend(pieces.flat_map(Tissue::stands_in_parent));
+        }
         let anchors: Vec<VertexId> = self.layer.as_ref().map_or_else(Vec::new, |l| l.map.anchors.to_vec());
         let inverse = deltas.into_iter().rev().map(|delta| Arc::new(self.apply(Arc::unwrap_or_clone(delta)))).collect();
         self.scratch.hands.pulls.under_blade = None;
@@ -61,16 +65,29 @@ impl Tissue {
         self.forget_lost_holds();
         self.start_particles(&self.particles_since(&anchors));
         self.refresh_turns();
+        self.hold(before);
+        self.versions.structure += 1;
+        self.versions.displacements += 1;
+        inverse
+    }
+
+    /// Where every vertex stands, if anything displaces them.
+    pub(crate) fn stands(&self) -> Vec<(VertexId, DVec3)> {
+        match &self.layer {
+            Some(_) => self.mesh.live_vertices().map(|v| (v, self.position(v))).collect(),
+            None => Vec::new(),
+        }
+    }
+
+    /// Fades those of the vertices that are live, and elsewhere, from where they stood.
+    pub(crate) fn hold(&mut self, stood: Vec<(VertexId, DVec3)>) {
         let threshold = 1e-10 * self.diagonal;
-        let moved: Vec<_> = before
+        let moved: Vec<_> = stood
             .into_iter()
             .filter(|(v, _)| v.index() < self.mesh.vertex_slots() && self.mesh.vertex_is_live(*v))
             .filter(|(v, target)| self.position(*v).distance(*target) > threshold)
             .collect();
         self.fade_from(moved.into_iter());
-        self.versions.structure += 1;
-        self.versions.displacements += 1;
-        inverse
     }
 
     /// Particles that have an anchor now and had none while the anchors were these.

@@ -98,6 +98,24 @@ impl Tissue {
         0.5 * (b - a).cross(c - a).length()
     }
 
+    /// Where the vertices stand that came from the tissue this piece was severed from, by their numbers there.
+    pub(super) fn stands_in_parent(&self) -> impl Iterator<Item = (VertexId, DVec3)> + '_ {
+        let own = self.came_from.iter().enumerate().map(|(v, &from)| (VertexId::new(v), from));
+        own.filter(|(v, _)| self.mesh.vertex_is_live(*v)).map(|(v, from)| (from, self.position(v)))
+    }
+
+    /// A piece is about to come off `parent` again, as it did before: it has the pose and the clock of that, and those of its vertices
+    /// that are there already fade from where they stand.
+    pub fn come_off_again(&mut self, parent: &Tissue) {
+        self.pose.clone_from(&parent.pose);
+        (self.animation, self.time_s) = (parent.animation, parent.time_s);
+        self.versions.pose += 1;
+        self.refresh_turns();
+        let own = self.came_from.iter().enumerate().map(|(v, &from)| (VertexId::new(v), from));
+        let there = own.filter(|&(_, from)| from.index() < parent.mesh.vertex_slots() && parent.mesh.vertex_is_live(from));
+        self.hold(there.map(|(v, from)| (v, parent.position(from))).collect());
+    }
+
     /// A tissue of `faces`. They stay here as well.
     fn extract(&self, faces: &[FaceId], map: &mut Extraction) -> Box<Tissue> {
         let rows = &self.rows;
@@ -117,6 +135,7 @@ impl Tissue {
             touch: Default::default(),
             tally: self.tally.extract(map, self.position_key()),
             forces: self.forces.fresh(),
+            came_from: map.vertex_from.clone(),
             ..*self
         });
         if piece.mesh.sections() > SPARSE * (1 + faces.len() / self.section_faces.max(1)) {

@@ -108,7 +108,7 @@ fn join(joints: &mut [JointBounds], by: &JointBounds) -> bool {
 /// Bounds of every section, joint by joint at rest, and posed when asked for.
 ///
 /// Rows of surface vertices are convex combinations of base vertices of the same section, so what an edit inserts stays
-/// inside; only walls inside the volume widen them ([`SectionBounds::widen_by`]).
+/// inside; only walls inside the volume and vertices that are promoted widen them ([`SectionBounds::widen_by`]).
 #[derive(Clone, Debug, Default)]
 pub struct SectionBounds {
     sections: JointRows,

@@ -120,10 +120,27 @@ impl Tissue {
 
     /// Widens the sections that list `faces`, so that their corners lie inside.
     pub(super) fn widen_sections(&mut self, faces: impl Iterator<Item = FaceId>) {
-        let Self { mesh, rows, sections, scratch, .. } = self;
+        let Self { mesh, scratch, .. } = self;
+        scratch.corners.clear();
+        scratch.corners.extend(faces.flat_map(|f| mesh.face(f).map(|v| (mesh.face_info(f).section, v))));
+        self.widen_by_corners();
+    }
+
+    /// Widens the sections around those of the inserted vertices that were promoted: a base vertex with few bones is no longer a mean of
+    /// what its parents lean on.
+    pub(super) fn widen_around_promoted(&mut self, new: &[NewVertex]) {
+        let Self { mesh, rows, scratch, .. } = self;
+        let promoted = |n: &&NewVertex| n.parent_count > 0 && rows.is_base(n.vertex) && mesh.vertex_is_live(n.vertex);
+        let sections = |n: &NewVertex| mesh.fan(n.vertex).map(|h| mesh.face_info(h.face()).section);
+        scratch.corners.clear();
+        scratch.corners.extend(new.iter().filter(promoted).flat_map(|n| sections(n).map(|s| (s, n.vertex))));
+        self.widen_by_corners();
+    }
+
+    /// Widens the sections of the pairs in the scratch.
+    fn widen_by_corners(&mut self) {
+        let Self { rows, sections, scratch, .. } = self;
         let corners = &mut scratch.corners;
-        corners.clear();
-        corners.extend(faces.flat_map(|f| mesh.face(f).map(|v| (mesh.face_info(f).section, v))));
         corners.sort_unstable();
         corners.dedup();
         for run in corners.chunk_by(|a, b| a.0 == b.0) {
