@@ -86,29 +86,42 @@ impl Update<'_, '_> {
                 continue;
             }
             let crosses = |w: VertexId| self.strips.crosses(before, self.rest, w, v);
-            let UpdateScratch { rows, near, work, lost, .. } = &mut *self.scratch;
+            let rows = &mut self.scratch.rows;
             for influence in self.map.influences.row(v.index()) {
                 if crosses(self.map.anchors[influence.particle.index()]) {
                     self.report.influences_removed += usize::from(rows.open(v, self.map).part(influence.particle));
                 }
             }
-            let Some(&j) = near.iter().find(|j| self.map.anchors[j.index()] == v) else { continue };
-            work.clear();
-            self.strips.places.holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |w| work.push(w));
-            for &w in work.iter().filter(|w| w.index() < self.rest.len() && self.mesh.vertex_is_live(**w)) {
-                if rows.holds(w, j, self.map) && crosses(w) {
-                    self.report.influences_removed += usize::from(rows.open(w, self.map).part(j));
+            // a wound particle may stand where another does
+            for i in 0..self.scratch.near.len() {
+                let j = self.scratch.near[i];
+                if self.map.anchors[j.index()] == v {
+                    self.cut_all_that_cross(before, j);
                 }
             }
-            lost.clear();
-            lost.extend(self.map.neighbours.row(j.index()).iter().map(|l| l.particle));
-            lost.retain(|other| crosses(self.map.anchors[other.index()]));
-            self.report.links_removed += lost.len();
-            for i in 0..self.scratch.lost.len() {
-                let other = self.scratch.lost[i];
-                self.remove_link(j, other);
-                self.remove_link(other, j);
+        }
+    }
+
+    /// All links of a particle that cross strip `k`, wherever they lead.
+    fn cut_all_that_cross(&mut self, k: usize, j: ParticleId) {
+        let anchor = self.map.anchors[j.index()];
+        let crosses = |w: VertexId| self.strips.crosses(k, self.rest, w, anchor);
+        let UpdateScratch { rows, work, lost, .. } = &mut *self.scratch;
+        work.clear();
+        self.strips.places.holders.visit(j, DVec3::NEG_INFINITY, DVec3::INFINITY, |w| work.push(w));
+        for &w in work.iter().filter(|w| w.index() < self.rest.len() && self.mesh.vertex_is_live(**w)) {
+            if rows.holds(w, j, self.map) && crosses(w) {
+                self.report.influences_removed += usize::from(rows.open(w, self.map).part(j));
             }
+        }
+        lost.clear();
+        lost.extend(self.map.neighbours.row(j.index()).iter().map(|l| l.particle));
+        lost.retain(|other| crosses(self.map.anchors[other.index()]));
+        self.report.links_removed += lost.len();
+        for i in 0..self.scratch.lost.len() {
+            let other = self.scratch.lost[i];
+            self.remove_link(j, other);
+            self.remove_link(other, j);
         }
     }
 

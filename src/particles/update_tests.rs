@@ -422,6 +422,38 @@ fn an_empty_edit_changes_nothing() {
     assert_eq!(patient.hash(), before);
 }
 
+/// A blade that goes back through its own slit makes old vertices lips, which know their side of the strip before from then on: whatever
+/// is anchored there loses what it holds across, and not one particle of two.
+#[test]
+fn all_particles_of_a_new_lip_let_go() {
+    let (mesh, rest) = test_models::grid(12, 0.3, 1);
+    let settings = settings(0.2, 0.04);
+    let mut anchors = sample(&mesh, &rest, settings.spacing, 3);
+    let near = |v: &&VertexId| rest[v.index()].distance(DVec3::new(0.45, 0.47, 0.0));
+    let lip = *anchors.iter().min_by(|a, b| near(a).total_cmp(&near(b))).unwrap();
+    anchors.push(lip);
+    let (map, _) = ParticleMap::build(&mesh, &rest, &anchors, &settings);
+    let twins = (0..map.len()).filter(|&j| map.anchors[j] == lip).count();
+    assert_eq!(twins, 2);
+    let mut patient = Patient { mesh, rest, map, strips: Strips::default(), settings, scratch: UpdateScratch::default() };
+    let strip = |[from, to]: [[f64; 2]; 2]| {
+        let corners = [(from, -0.1), (to, -0.1), (to, 0.0), (from, 0.0)];
+        corners.map(|([x, y], z)| DVec3::new(x, y, z))
+    };
+    patient.strips.push(strip([[0.3, 0.47], [0.6, 0.47]]), settings.radius, 0).unwrap();
+    patient.update(&Wound { strips: 0..1, ..Wound::default() });
+    patient.map.validate(&patient.mesh, &patient.rest, &patient.strips).unwrap();
+    patient.strips.push(strip([[0.6, 0.47], [0.3, 0.56]]), settings.radius, 0).unwrap();
+    let [last, side] = [0, 1].map(|k| patient.strips.geometry(k).side_near(patient.rest[lip.index()]));
+    assert_eq!(side, -last, "the blade turns round between the slit and the lip");
+    let lips = vec![LipVertex { vertex: lip, strip: 1, side }];
+    let held = |patient: &Patient| (0..patient.rest.len()).map(|v| patient.map.influences.row(v).len()).sum::<usize>();
+    let before = held(&patient);
+    patient.update(&Wound { strips: 1..2, lips, ..Wound::default() });
+    assert!(held(&patient) < before);
+    patient.map.validate(&patient.mesh, &patient.rest, &patient.strips).unwrap();
+}
+
 /// A pull goes round the ends of a slit, and less of it the longer the way round; a slit that leaves no way round lets nothing by.
 #[test]
 fn a_pull_goes_round_the_ends_of_a_slit() {
