@@ -22,7 +22,7 @@ pub struct WallSpec<'a> {
     pub material: u32,
     /// What stored positions cannot tell apart, metres: old walls that the body cuts are thinned to it.
     pub grain: f64,
-    /// ... and those that tissue has bent since they were made to this.
+    /// ... and those that tissue has bent since they were made to this: the same where it has held still, and lips are thinned, too.
     pub bent: f64,
     /// Turns a normal of the pose into one at rest, up to its length.
     pub rest_from_posed: DMat3,
@@ -194,11 +194,10 @@ impl TearScratch {
         position: &impl Fn(VertexId) -> DVec3,
         out: &mut TearStep,
     ) {
-        let walls = out.walls.iter().map(|w| w.0).chain(out.added_faces.iter().copied());
-        let walls = walls.filter(|&f| mesh.face_info(f).is_interior());
+        let faces = out.walls.iter().map(|w| w.0).chain(out.added_faces.iter().copied());
         let WallScratch { thinned, tagged, thinner, .. } = lining;
         thinned.clear();
-        thinned.extend(walls.flat_map(|f| mesh.face(f)));
+        thinned.extend(faces.flat_map(|f| mesh.face(f)));
         tagged.clear();
         tagged.extend(self.zero.iter().map(|z| (z.vertex, 0)));
         tagged.extend(out.lips.iter().map(|l| (l.vertex, l.side)));

@@ -4,8 +4,8 @@
 //! shape does not need; the next box crosses the edges that end there, and so on: vertices would grow by half with every box.
 //! And planes that nearly fall together meet in points that stored positions cannot tell apart. So a vertex with walls alone
 //! around it is collapsed into a neighbour where that changes no wall by more than the grain of positions; walls that tissue
-//! has bent since they were made are flat nowhere, and get a slack of their own. No vertex is moved, and none of the model's own
-//! surface goes.
+//! has bent since they were made are flat nowhere, and get a slack of their own. A vertex of a lip goes in the same way, along the lip,
+//! where that is straight: parts of one face of the loaded model are a facet, too. No vertex is moved.
 
 use crate::geometry::{FaceId, HalfEdge, Mesh, VertexId, Wedge, WedgeId};
 use glam::DVec3;
@@ -30,6 +30,8 @@ struct Sector {
     normal: DVec3,
     /// How far the corners are off its plane, metres; infinite without a normal.
     off: f64,
+    /// It is of the model's own surface.
+    is_skin: bool,
 }
 
 /// What a collapse may change, metres.
@@ -37,11 +39,15 @@ struct Sector {
 pub(super) struct Slack {
     /// Of facets that are flat to within this.
     pub grain: f64,
-    /// Of facets that the tissue has bent since they were made.
+    /// Of facets that the tissue has bent since they were made; the same where it has held still.
     pub bent: f64,
 }
 
 impl Slack {
+    fn is_still(&self) -> bool {
+        self.bent == self.grain
+    }
+
     fn of(&self, sector: &Sector) -> f64 {
         if sector.off <= self.grain { self.grain } else { self.bent }
     }
@@ -89,7 +95,7 @@ impl Thinner {
             vertices.dedup();
             self.next.clear();
             for &v in vertices.iter() {
-                if self.look_around(mesh, v, slack.grain, at) && self.collapse(mesh, v, slack, may) {
+                if self.look_around(mesh, v, slack, at) && self.collapse(mesh, v, slack, may) {
                     self.gone.push(v);
                     self.next.extend(self.spokes.iter().map(|s| s.to));
                 }
@@ -100,16 +106,20 @@ impl Thinner {
         self.changed.dedup();
     }
 
-    /// Collects spokes and sectors. False if anything but walls is around the vertex, or an edge is open.
-    fn look_around(&mut self, mesh: &Mesh, v: VertexId, grain: f64, at: &impl Fn(VertexId) -> DVec3) -> bool {
+    /// Collects spokes and sectors. False if anything but walls is around the vertex and, in tissue that has held still, parts of one face
+    /// of the loaded model, or an edge is open.
+    fn look_around(&mut self, mesh: &Mesh, v: VertexId, slack: Slack, at: &impl Fn(VertexId) -> DVec3) -> bool {
         self.spokes.clear();
         self.sectors.clear();
         if !mesh.vertex_is_live(v) {
             return false;
         }
         let here = at(v);
+        let mut skin = None;
         for edge in mesh.fan(v) {
-            if !mesh.face_info(edge.face()).is_interior() || mesh.opposite(edge).is_none() {
+            let info = mesh.face_info(edge.face());
+            let may_go = info.is_interior() || slack.is_still() && *skin.get_or_insert(info.origin) == info.origin;
+            if !may_go || mesh.opposite(edge).is_none() {
                 return false;
             }
             let to = mesh.to(edge);
@@ -119,18 +129,22 @@ impl Thinner {
         if n < 3 {
             return false;
         }
-        let group = |s: &Spoke| mesh.wedge(mesh.face_wedges(s.edge.face())[s.edge.corner()]).group;
+        let is_skin = |s: &Spoke| !mesh.face_info(s.edge.face()).is_interior();
+        let group = |s: &Spoke| match is_skin(s) {
+            true => WedgeId::NONE,
+            false => mesh.wedge(mesh.face_wedges(s.edge.face())[s.edge.corner()]).group,
+        };
         let begins = |spokes: &[Spoke], i: usize| group(&spokes[i]) != group(&spokes[(i + n - 1) % n]);
         let first = (0..n).find(|&i| begins(&self.spokes, i)).unwrap_or(0);
         self.spokes.rotate_left(first);
         for i in 0..n {
             if i == 0 || begins(&self.spokes, i) {
-                self.sectors.push(Sector::default());
+                self.sectors.push(Sector { is_skin: is_skin(&self.spokes[i]), ..Sector::default() });
             }
             self.spokes[i].sector = self.sectors.len() - 1;
         }
         for k in 0..self.sectors.len() {
-            self.sectors[k] = self.sector(k, grain);
+            self.sectors[k] = Sector { is_skin: self.sectors[k].is_skin, ..self.sector(k, slack.grain) };
         }
         true
     }
@@ -141,10 +155,10 @@ impl Thinner {
         let corners = || faces().flat_map(|(p, q, _)| [p, q]);
         let reach = corners().map(DVec3::length).fold(0.0, f64::max);
         if across.length() <= grain * reach {
-            return Sector { normal: DVec3::ZERO, off: f64::INFINITY };
+            return Sector { off: f64::INFINITY, ..Sector::default() };
         }
         let normal = across.normalize_or_zero();
-        Sector { normal, off: corners().map(|p| p.dot(normal).abs()).fold(0.0, f64::max) }
+        Sector { normal, off: corners().map(|p| p.dot(normal).abs()).fold(0.0, f64::max), is_skin: false }
     }
 
     /// The two far corners of each face around the vertex, and its sector.
@@ -176,6 +190,10 @@ impl Thinner {
         let n = self.spokes.len();
         let u = self.spokes[j].at;
         let left = || self.faces().enumerate().filter(move |(i, _)| *i != j && (i + 1) % n != j).map(|f| f.1);
+        let [before, after] = [self.spokes[(j + n - 1) % n].sector, self.spokes[j].sector];
+        if self.sectors.iter().any(|k| k.is_skin) && ![before, after].iter().any(|&k| self.sectors[k].is_skin) {
+            return None; // a vertex of the skin goes into another
+        }
         let widest = self.sectors.iter().map(|k| slack.of(k)).fold(slack.grain, f64::max);
         if u.length() <= widest {
             // all within the slack, however the triangles turn in it
@@ -184,13 +202,23 @@ impl Thinner {
             return left().all(|(p, q, k)| !turned(p, q, k)).then_some(f64::INFINITY);
         }
         // only inside a facet, or along an edge between two
-        let [before, after] = [self.spokes[(j + n - 1) % n].sector, self.spokes[j].sector];
         let held = |k: &Sector| k.off <= slack.of(k) && k.normal.dot(u).abs() <= slack.of(k);
         if self.sectors.len() > 2 || (self.sectors.len() == 2 && before == after) || !self.sectors.iter().all(held) {
             return None;
         }
+        if self.sectors[before].is_skin != self.sectors[after].is_skin && !self.is_straight(j, slack.grain) {
+            return None;
+        }
         let least = left().map(|(p, q, k)| shape(u, p, q, self.sectors[k].normal)).fold(f64::INFINITY, f64::min);
         (least > 0.0 && least >= worst).then_some(least)
+    }
+
+    /// True if the lip that spoke `j` is of goes straight on at the vertex.
+    fn is_straight(&self, j: usize, grain: f64) -> bool {
+        let n = self.spokes.len();
+        let u = self.spokes[j].at;
+        let other = (0..n).filter(|&i| i != j && self.spokes[i].sector != self.spokes[(i + n - 1) % n].sector);
+        other.map(|i| self.spokes[i].at).all(|w| w.cross(u).length() <= grain * w.distance(u))
     }
 
     /// The link condition: no two faces fall together.
