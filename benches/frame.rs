@@ -1,9 +1,10 @@
 //! The CPU's side of a frame at 18k faces and 224 particles, up to the submission: tools, pose, physics, upload notes, the encoding
-//! of deform, shadow and view, and wgpu's own work on the command buffer; while the model sleeps, while it moves, and while it
+//! of deform, shadow and both eyes, and wgpu's own work on the command buffer; while the model sleeps, while it moves, and while it
 //! beats and is torn. Prints medians, and what a frame did.
 //!
-//! Twice: with the CPU free for it, as where a GPU draws (what was encoded is dropped), and with what was encoded submitted and waited
-//! for. On the software adapter the CPU then draws between the frames, and each begins with other people's caches.
+//! Three times: with the CPU free for it, as where a GPU draws (two eyes of 2,064 by 2,208 pixels; what was encoded is dropped), frame
+//! after frame and at a headset's pace, 90 a second, asleep in between; and with what was encoded submitted and waited for, in small
+//! eyes. On the software adapter the CPU then draws between the frames, and each begins with other people's caches.
 
 use glam::DVec3;
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
@@ -22,7 +23,7 @@ use incise::tissue::{Tissue, TissueSettings};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use std::alloc::System;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
@@ -34,12 +35,28 @@ fn allocations() -> u64 {
 
 const FRAMES: usize = 400;
 
+/// Width and height of an eye.
+const EYE: (u32, u32) = (2064, 2208);
+const SMALL_EYE: (u32, u32) = (64, 64);
+
+/// What the machine does between two frames.
+#[derive(Clone, Copy, PartialEq)]
+enum Between {
+    /// The next frame.
+    Nothing,
+    /// It sleeps until the next picture of a headset is due.
+    Sleep,
+    /// It draws, where the adapter is a software one.
+    Draw,
+}
+
 /// Times everything but the submission.
 struct Target {
     mirror: Mirror,
-    submits: bool,
+    between: Between,
+    due: Instant,
     colour: Picture,
-    views: [ViewPose; 1],
+    views: [ViewPose; 2],
     sync_ms: f64,
     encode_ms: f64,
     submit_ms: f64,
@@ -47,20 +64,39 @@ struct Target {
 }
 
 impl Target {
-    fn new(camera: &Camera, submits: bool) -> Self {
+    fn new(camera: &Camera, between: Between) -> Self {
         let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
-        let drawing = if submits { "drawn between the frames" } else { "not drawn" };
+        let (drawing, size) = match between {
+            Between::Nothing => ("not drawn", EYE),
+            Between::Sleep => ("not drawn, 90 frames a second", EYE),
+            Between::Draw => ("drawn between the frames", SMALL_EYE),
+        };
         println!("{drawing}, adapter {}", context.adapter_name());
-        let colour = Picture::new(&context, (64, 64), 1).expect("a picture");
+        let colour = Picture::new(&context, size, 2).expect("a picture");
+        let eye = |side: f64| {
+            let eye = camera.eye + DVec3::X * (0.032 * side);
+            ViewPose::from_camera(&Camera { eye, ..*camera }, f64::from(EYE.0) / f64::from(EYE.1)).expect("a view")
+        };
         Self {
             colour,
             mirror: Mirror::new(context),
-            submits,
-            views: [ViewPose::from_camera(camera, 1.0).expect("a view")],
+            between,
+            due: Instant::now(),
+            views: [eye(-1.0), eye(1.0)],
             sync_ms: 0.0,
             encode_ms: 0.0,
             submit_ms: 0.0,
             sync_allocations: 0,
+        }
+    }
+}
+
+impl Target {
+    /// Waits for the next frame.
+    fn pace(&mut self) {
+        if self.between == Between::Sleep {
+            std::thread::sleep(self.due.saturating_duration_since(Instant::now()));
+            self.due = Instant::now().max(self.due) + Duration::from_secs_f64(1.0 / 90.0);
         }
     }
 }
@@ -83,7 +119,7 @@ impl FrameTarget for Target {
         let commands = encoder.finish();
         self.encode_ms = ms(start);
         let start = Instant::now();
-        if self.submits {
+        if self.between == Between::Draw {
             context.queue().submit([commands]);
             context.wait()?;
         } else {
@@ -131,6 +167,7 @@ fn measure(name: &str, app: &mut App, target: &mut Target, first: usize, animate
         let by = DVec3::new(0.0, 0.001 * (time_s * 5.0).sin(), 0.01);
         let commands = if animated { vec![EditCommand::GrabMove { id: 1, by }] } else { Vec::new() };
         let input = InputFrame { time_s, step_s: 1.0 / 90.0, commands, ..InputFrame::default() };
+        target.pace();
         let start = Instant::now();
         let report = app.frame(&input, target).expect("a frame");
         let whole = start.elapsed().as_secs_f64() * 1e3 - target.submit_ms;
@@ -193,6 +230,7 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
             let time_s = (first + stroke * (STROKE + 45) + k) as f64 / 90.0;
             let input = InputFrame { time_s, step_s: 1.0 / 90.0, commands, ..InputFrame::default() };
             let slots = vertex_slots(app);
+            target.pace();
             let start = Instant::now();
             let report = app.frame(&input, target).expect("a frame");
             let whole = start.elapsed().as_secs_f64() * 1e3 - target.submit_ms;
@@ -236,10 +274,10 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
     println!("a cut: edit {edit} ms, pose {pose}, physics {physics}, sync {sync}, encode {encode}");
 }
 
-fn run(submits: bool) {
+fn run(between: Between) {
     let mut app = app();
     let camera = Camera { eye: DVec3::new(0.05, 0.04, 0.26), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.7 };
-    let mut target = Target::new(&camera, submits);
+    let mut target = Target::new(&camera, between);
     measure("asleep", &mut app, &mut target, 0, false);
     app.scene.set_animation(Some(0));
     // A hand that moves a few particles keeps the springs awake.
@@ -251,6 +289,5 @@ fn run(submits: bool) {
 }
 
 fn main() {
-    run(false);
-    run(true);
+    [Between::Nothing, Between::Sleep, Between::Draw].into_iter().for_each(run);
 }

@@ -15,6 +15,9 @@ const MANY_NOTES: usize = 4096;
 /// Notes that a list has room for at first: more than a segment of a tear mostly takes. It is no memory before it is written to.
 const NOTES_ROOM: usize = 1024;
 
+/// Entries from before an edit that it cuts off, as many as there is room for at first: faces take the slots that earlier ones have left.
+const CUT_ROOM: usize = 128;
+
 /// A growable array whose changes can be taken back. Reads deref to a slice.
 #[derive(Clone, Debug)]
 pub struct Tracked<T> {
@@ -97,6 +100,7 @@ impl<T: Copy> Tracked<T> {
     /// Makes room for the notes of so many usual edits.
     pub fn make_room_for_notes(&mut self, edits: usize) {
         self.log.reserve(edits * NOTES_ROOM);
+        self.cut.reserve(edits * CUT_ROOM);
     }
 
     /// Makes room for so many entries more, and for the notes of an edit.
@@ -269,6 +273,7 @@ impl<T> Delta<T> {
     /// Makes room for what so many usual edits note.
     pub fn make_room(&mut self, edits: usize) {
         self.writes.reserve(edits * NOTES_ROOM);
+        self.tail.reserve(edits * CUT_ROOM);
     }
 
     /// True if nothing changed.

@@ -509,6 +509,7 @@ impl Tissue {
     fn make_room(&mut self) {
         self.mesh.make_room();
         self.rows.make_room();
+        self.sections.make_room();
         self.rest.reserve(headroom(self.rest.len()));
         self.scratch.new_vertices.reserve(EDIT_ROOM);
         self.scratch.targets.reserve(EDIT_ROOM);

@@ -1,6 +1,7 @@
 //! Section bounds in the current pose (MATHS 5.8): where an edit need not look.
 
 use super::positions::Rounds;
+use crate::geometry::room::headroom;
 use crate::geometry::{Mesh, SectionId, VertexId};
 use crate::rig::{JointMatrix, Pose, VertexRows};
 use glam::{DAffine3, DVec3};
@@ -79,6 +80,11 @@ impl JointRows {
             groups.end_row(reaches_beyond.then(|| unite(group.map(|s| self.rest_of(s)))));
         }
         groups
+    }
+
+    /// Makes room for what edits add.
+    fn make_room(&mut self) {
+        self.joints.reserve(headroom(self.joints.len()));
     }
 
     /// Widens a row by what a vertex that rests at `rest` leans on.
@@ -173,6 +179,12 @@ impl SectionBounds {
             sections.end_row(None);
         }
         Self { groups: sections.grouped(), sections, ..Self::default() }
+    }
+
+    /// Makes room for bones that sections lean on after edits.
+    pub fn make_room(&mut self) {
+        self.sections.make_room();
+        self.groups.make_room();
     }
 
     /// Widens a section by the base vertices that `vertices` lean on.

@@ -6,6 +6,7 @@ use crate::geometry::{FaceId, SectionId, VertexId};
 use crate::rig::{BoneWeight, RowEntry};
 use crate::surgery::insert::NewVertex;
 use glam::{DAffine3, DMat3, DVec3};
+use smallvec::SmallVec;
 use std::sync::Arc;
 
 /// Below this ratio of the blended matrix's volume to one, the dominant bone poses a corner instead.
@@ -14,6 +15,8 @@ const NEAR_SINGULAR: f64 = 0.05;
 const ROUNDING: f64 = 5e-7;
 /// Bones that a corner leans on at most, as in glTF.
 const MOST_BONES: usize = 4;
+/// Bones that several vertices lean on, as many as there is room for at first.
+const BONES_ROOM: usize = 128;
 /// Rows longer than this become base vertices.
 pub(super) const LONGEST_ROW: usize = 12;
 
@@ -82,8 +85,8 @@ impl Tissue {
     }
 
     /// Bones of a combination of vertices: the heaviest few, with weights that sum to 1.
-    pub(super) fn blended_bones(&self, parents: &[(VertexId, f64)]) -> Vec<BoneWeight> {
-        let mut all: Vec<(u32, f64)> = Vec::new();
+    pub(super) fn blended_bones(&self, parents: &[(VertexId, f64)]) -> SmallVec<[BoneWeight; MOST_BONES]> {
+        let mut all: SmallVec<[(u32, f64); BONES_ROOM]> = SmallVec::new();
         for &(parent, share) in parents {
             let itself = [RowEntry { base: parent, padding: 0, weight: 1.0 }];
             let row = self.rows.rows.row(parent.index());
