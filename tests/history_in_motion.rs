@@ -7,6 +7,7 @@ use glam::DVec3;
 use incise::geometry::{Plane, VertexId};
 use incise::scene::{EditCommand, Outcome, Scene, TissueId};
 use incise::surgery::{BladePose, WallMode};
+use incise::tissue::Tissue;
 
 /// Runs a scene in frames of 1/90 s.
 struct Clock {
@@ -43,8 +44,8 @@ impl Clock {
     }
 
     fn stands(&self) -> Vec<(TissueId, VertexId, DVec3)> {
-        let all = self.scene.tissues().map(|(id, t)| (id, t));
-        all.flat_map(|(id, t)| t.mesh().live_vertices().map(move |v| (id, v, t.position(v)))).collect()
+        let of = |(id, t): (TissueId, &'_ Tissue)| t.mesh().live_vertices().map(|v| (id, v, t.position(v))).collect::<Vec<_>>();
+        self.scene.tissues().flat_map(of).collect()
     }
 
     /// How far the vertices that are there still have moved, in diagonals.

@@ -165,7 +165,7 @@ fn best_mode(config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> 
     #[cfg(feature = "vr")]
     match crate::host::vr::available() {
         Ok(()) => return vr::Vr::plain().run(config, file, allocations),
-        Err(why) => tracing::info!("{why}"),
+        Err(why) => tracing::warn!("{why}"),
     }
     #[cfg(feature = "desktop")]
     if crate::host::desktop::has_display() {

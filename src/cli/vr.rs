@@ -9,7 +9,7 @@ use super::report_json;
 use crate::app::App;
 use crate::config::Config;
 use crate::gpu::{Context, ContextOptions, DrawOptions, GpuError};
-use crate::host::vr::{EyePictures, FrameNote, VrError, VrOptions, VrOutcome, run, scenery};
+use crate::host::vr::{EyePictures, FrameNote, VrOptions, VrOutcome, run, scenery};
 use crate::input::ParticleOverrides;
 use crate::scene::{Scene, SceneSettings};
 use crate::tissue::Tissue;
@@ -65,9 +65,12 @@ impl Vr {
         };
         let mut outcome = VrOutcome::default();
         let result = run(&mut app, &options, &mut outcome);
+        let changed = app.scene.undo_depth() > 0;
         if let Err(error) = result {
-            let changed = app.scene.undo_depth() > 0;
-            return Err(CliError::Run(if changed { self.rescue(&app.scene, &error) } else { error.to_string() }));
+            return Err(CliError::Run(if changed { self.rescue(&app.scene, &error.to_string()) } else { error.to_string() }));
+        }
+        if outcome.ended_by_runtime && changed {
+            tracing::warn!("{}", self.rescue(&app.scene, "the OpenXR runtime ended the session"));
         }
         if let Some(folder) = &self.out {
             make_folder(folder)?;
@@ -93,9 +96,12 @@ impl Vr {
         Ok(scene)
     }
 
-    /// Keeps the work of a session that broke off; returns what to tell the user.
-    fn rescue(&self, scene: &Scene, error: &VrError) -> String {
-        let file = self.out.clone().unwrap_or_default().join("incise-rescued.glb");
+    /// Keeps the work of a session that broke off, beside what was kept before; returns what to tell the user.
+    fn rescue(&self, scene: &Scene, error: &str) -> String {
+        let folder = self.out.clone().unwrap_or_default();
+        let names = (2..).map(|n| format!("incise-rescued-{n}.glb"));
+        let mut files = std::iter::once("incise-rescued.glb".to_string()).chain(names).map(|name| folder.join(name));
+        let file = files.find(|file| !file.exists()).expect("names without end");
         let saved = scene_glb(scene).and_then(|(bytes, _)| write_file(&file, &bytes));
         match saved {
             Ok(()) => format!("{error}. Your work is kept in {}", file.display()),
@@ -182,6 +188,9 @@ fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
         "rested": outcome.rested,
         "nonsense_periods": outcome.nonsense_periods,
         "pulses": outcome.pulses,
+        "pulses_by_cause": outcome.pulses_by_cause.map(|[contact, segments, severed]| {
+            json!({ "contact": contact, "segments": segments, "severed": severed })
+        }),
         "recreated": outcome.recreated,
         "mirrored": outcome.mirrored,
         "placement": placement,

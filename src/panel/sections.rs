@@ -164,6 +164,11 @@ fn hands(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         if ui.button("Swap").on_hover_text("Exchange the tools of the two hands").clicked() {
             actions.push(PanelAction::SwapHands);
         }
+        let mut plane_tool = state.plane_tool;
+        let hint = "The scalpel cuts along the plane that it shows, on letting go; else it tears";
+        if ui.toggle_value(&mut plane_tool, "Plane").on_hover_text(hint).changed() {
+            actions.push(PanelAction::PlaneTool(plane_tool));
+        }
         let mut calibrating = state.calibrating;
         let hint = "Find the tip: rest it on a firm point, hold the trigger, turn the hand every way, let go";
         if ui.toggle_value(&mut calibrating, "Calibrate tip").on_hover_text(hint).changed() {

@@ -48,6 +48,8 @@ pub enum PanelAction {
     Vsync(bool),
     /// The tools of the two hands exchanged.
     SwapHands,
+    /// The scalpel cuts along planes from now on, or tears again.
+    PlaneTool(bool),
     /// The tip of the instrument is to be found anew by turning it about a point, or no longer.
     Calibrate(bool),
 }
@@ -90,6 +92,8 @@ pub struct PanelState {
     pub in_room: bool,
     /// The tip of the instrument is being calibrated.
     pub calibrating: bool,
+    /// The scalpel cuts along planes.
+    pub plane_tool: bool,
     /// The table of keys is shown.
     pub help: bool,
     /// Bundled models.
@@ -166,6 +170,7 @@ impl Default for PanelState {
             open: true,
             in_room: false,
             calibrating: false,
+            plane_tool: false,
             help: false,
             bundled: Vec::new(),
             model: String::new(),

@@ -97,10 +97,14 @@ fn plain_incise_opens_the_headset_and_without_one_a_window() {
     for Absence { what, variable, sentence } in absences(&absent) {
         let display = absent.display(what);
         let mut command = absent.incise(&["-v"]);
-        command.envs(variable).env("DISPLAY", display.name());
+        command.envs(variable.clone()).env("DISPLAY", display.name());
         let mut plain = Free::start(&absent, what, command);
         plain.says("first frame after");
         assert!(plain.said().contains(sentence), "no {what}: {}", plain.said());
+        // and says so to those, too, who did not ask for more words
+        let mut command = absent.incise(&[]);
+        command.envs(variable).env("DISPLAY", display.name());
+        Free::start(&absent, &format!("{what}-unasked"), command).says(sentence);
     }
     let present = Service::start("present", Compositor::Null);
     Free::start(&present, "present", present.incise(&["-v"])).says("the session is FOCUSED");

@@ -112,7 +112,12 @@ fn check_surgery(run: &Run) {
     assert_eq!(torn_share(&run.tips, &boxes, reach), 1.0);
     let elsewhere: Vec<DVec3> = run.tips.iter().map(|p| p + DVec3::X * 0.1 * run.diagonal).collect();
     assert_eq!(torn_share(&elsewhere, &boxes, reach), 0.0, "the measure sees a wound that is elsewhere");
-    assert!(run.report["pulses"].as_u64() > Some(4), "contact, segments and the cut are felt: {}", run.report["pulses"]);
+    let right = &run.report["pulses_by_cause"][1];
+    let felt = |cause: &str| right[cause].as_u64().expect("counted");
+    assert!(
+        felt("contact") > 0 && felt("segments") > 1 && felt("severed") == 1,
+        "contact, segments and the cut are felt: {right}"
+    );
     assert!(edits[1]["pieces"].as_array().is_some_and(|p| p.len() >= 2));
     assert!(edits[0]["new_vertices"].as_u64() > Some(10));
     let frames = run.report["frames"].as_array().expect("frames");

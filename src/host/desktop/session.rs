@@ -299,7 +299,7 @@ impl Session {
             PanelAction::SaveConfig => models::save_config(&self.setup.config_file, &mut self.panel),
             PanelAction::Screenshot => self.wishes.push(Wish::Screenshot),
             PanelAction::Record(on) => self.panel.recording = on,
-            PanelAction::SwapHands | PanelAction::Calibrate(_) => {} // a mouse has neither
+            PanelAction::SwapHands | PanelAction::PlaneTool(_) | PanelAction::Calibrate(_) => {} // a mouse has none of these
             PanelAction::OpenDialog => self.wishes.push(Wish::OpenDialog),
             PanelAction::Vsync(on) => {
                 self.panel.vsync = on;

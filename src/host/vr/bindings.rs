@@ -28,6 +28,8 @@ pub enum Act {
     Recentre,
     /// Turn in steps: left and right on a stick.
     Turn,
+    /// The same on a pad that a thumb rests on: pressed at its side. Pressed in its middle it is a button.
+    TurnPad,
     /// What the hand feels.
     Pulse,
 }
@@ -49,7 +51,7 @@ pub enum Kind {
 
 impl Act {
     /// All, in the order of the table.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 13] = [
         Self::Grip,
         Self::Aim,
         Self::Tear,
@@ -61,6 +63,7 @@ impl Act {
         Self::Reset,
         Self::Recentre,
         Self::Turn,
+        Self::TurnPad,
         Self::Pulse,
     ];
 
@@ -78,6 +81,7 @@ impl Act {
             Self::Reset => "reset",
             Self::Recentre => "recentre",
             Self::Turn => "turn",
+            Self::TurnPad => "turn_pad",
             Self::Pulse => "pulse",
         }
     }
@@ -96,6 +100,7 @@ impl Act {
             Self::Reset => "Reset the model",
             Self::Recentre => "Bring the model within reach",
             Self::Turn => "Snap turn",
+            Self::TurnPad => "Snap turn, pressed at the side",
             Self::Pulse => "Vibration",
         }
     }
@@ -106,7 +111,7 @@ impl Act {
             Self::Grip | Self::Aim => Kind::Pose,
             Self::Tear | Self::Grab => Kind::Analog,
             Self::Plane | Self::Menu | Self::Undo | Self::Redo | Self::Reset | Self::Recentre => Kind::Button,
-            Self::Turn => Kind::Stick,
+            Self::Turn | Self::TurnPad => Kind::Stick,
             Self::Pulse => Kind::Output,
         }
     }
@@ -143,6 +148,9 @@ impl Profile {
 fn core(_: &ExtensionSet) -> bool {
     true
 }
+
+/// The interaction profile of hands without a controller.
+pub const BARE_HANDS: &str = "/interaction_profiles/ext/hand_interaction_ext";
 
 const TRIGGERS: Row = (Act::Tear, "input/trigger/value", "input/trigger/value");
 const SQUEEZES: Row = (Act::Grab, "input/squeeze/value", "input/squeeze/value");
@@ -182,9 +190,10 @@ pub const PROFILES: [Profile; 8] = [
         extension: "",
         offered: core,
         vibrates: true,
+        // its squeeze's value goes to 1 with a hand laid around it
         rows: &[
             TRIGGERS,
-            SQUEEZES,
+            (Act::Grab, "input/squeeze/force", "input/squeeze/force"),
             STICKS,
             (Act::Undo, "input/a/click", ""),
             (Act::Redo, "input/b/click", ""),
@@ -203,7 +212,7 @@ pub const PROFILES: [Profile; 8] = [
         rows: &[
             TRIGGERS,
             CLICKED_SQUEEZES,
-            (Act::Turn, "input/trackpad", "input/trackpad"),
+            (Act::TurnPad, "input/trackpad", "input/trackpad"),
             (Act::Undo, "input/trackpad/click", ""),
             (Act::Plane, "", "input/trackpad/click"),
             (Act::Recentre, "input/menu/click", ""),
@@ -246,7 +255,7 @@ pub const PROFILES: [Profile; 8] = [
     },
     Profile {
         title: "Bare hands",
-        path: "/interaction_profiles/ext/hand_interaction_ext",
+        path: BARE_HANDS,
         extension: "XR_EXT_hand_interaction",
         offered: |offered| offered.ext_hand_interaction,
         vibrates: false,
@@ -324,7 +333,7 @@ mod tests {
                 for path in [left, right].into_iter().filter(|p| !p.is_empty()) {
                     let fits = match act.kind() {
                         Kind::Pose => path.ends_with("/pose"),
-                        Kind::Analog => path.ends_with("/value") || path.ends_with("/click"),
+                        Kind::Analog => ["/value", "/force", "/click"].iter().any(|end| path.ends_with(end)),
                         Kind::Button => path.ends_with("/click"),
                         Kind::Stick => path.ends_with("/thumbstick") || path.ends_with("/trackpad"),
                         Kind::Output => path == "output/haptic",

@@ -4,12 +4,13 @@
 use super::VrError;
 use super::board::Board;
 use super::capture::Capture;
-use super::hands::Hands;
+use super::hands::{Hands, Tool};
 use super::headset::Headset;
 use super::input::HandsInput;
 use super::run::VrOptions;
 use super::space::{Placement, Pose};
 use crate::app::{App, FrameReport};
+use crate::config::Dexterity;
 use crate::diagnostics::Stages;
 use crate::formats::BUNDLED;
 use crate::host::models::{self, Arrival, Loaded, Loader, Request};
@@ -77,12 +78,12 @@ impl Desk {
         std::mem::take(&mut self.wants_picture)
     }
 
-    /// Opens, closes and runs the board; what it asks for is carried out or goes into the frame. Returns the hands that point at
-    /// it, and true if another model has taken the place of the one there was.
+    /// Opens, closes and runs the board; what it asks for is carried out or goes into the frame. Where the runtime wants no picture it
+    /// rests. Returns the hands that point at it, and true if another model has taken the place of the one there was.
     pub fn frame(
         &mut self,
         headset: &mut Headset,
-        input: &HandsInput,
+        (input, render): (&HandsInput, bool),
         work: &mut Work<'_>,
     ) -> Result<([bool; 2], bool), VrError> {
         if input.menu {
@@ -96,7 +97,9 @@ impl Desk {
         if !self.board.is_open() {
             return Ok(([false; 2], changed));
         }
-        for action in self.board.frame(&input.hands, &headset.session, &headset.context())? {
+        self.board.state.plane_tool = work.hands.uses_plane();
+        let actions = if render { self.board.frame(&input.hands, &headset.session, &headset.context())? } else { Vec::new() };
+        for action in actions {
             self.act(action, work);
         }
         let config = &self.board.state.config;
@@ -124,7 +127,10 @@ impl Desk {
                     state.layers.remove(&layer)
                 };
             }
-            PanelAction::Frame => place(app, hands, head),
+            PanelAction::Frame => {
+                hands.put_down(&mut frame.commands);
+                place(app, hands, head);
+            }
             PanelAction::Animate(animation) => {
                 state.animation = animation;
                 app.scene.set_animation(animation);
@@ -136,7 +142,11 @@ impl Desk {
             PanelAction::Pause(paused) => state.paused = paused,
             PanelAction::Step => self.steps += u32::from(state.paused),
             PanelAction::Material(_) | PanelAction::SettingsChanged => models::apply_settings(app, state),
-            PanelAction::SwapHands => hands.swap_tools(&mut frame.commands),
+            PanelAction::SwapHands => {
+                hands.swap_tools(&mut frame.commands);
+                state.config.vr.hand = if hands.tool(0) == Tool::Scalpel { Dexterity::Left } else { Dexterity::Right };
+            }
+            PanelAction::PlaneTool(on) => hands.use_plane(on, &mut frame.commands),
             PanelAction::Calibrate(on) => {
                 state.calibrating = on;
                 hands.calibrate(on, &mut frame.commands);

@@ -93,6 +93,9 @@ fn edits_layers_and_hands_are_passed_on() {
     let before = [room.hands.tool(0), room.hands.tool(1)];
     room.act(PanelAction::SwapHands);
     assert_eq!([room.hands.tool(1), room.hands.tool(0)], before);
+    assert_eq!(room.desk.board.state.config.vr.hand, Dexterity::Left, "saved with the settings");
+    room.act(PanelAction::PlaneTool(true));
+    assert!(room.hands.uses_plane());
     room.hands.set_placement(Placement { scale: 3.0, ..*room.hands.placement() });
     room.act(PanelAction::Frame);
     assert!(room.hands.placement().scale < 3.0, "the model comes back");

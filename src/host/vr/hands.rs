@@ -6,7 +6,8 @@
 //! | forceps | close on tissue | close on tissue |
 //! | either, away from tissue | | takes hold of the model; both hands scale and turn it |
 //!
-//! Poses come in the room and leave in model space. A gesture that has begun goes on whatever the model does.
+//! Poses come in the room and leave in model space. A gesture that has begun goes on whatever the model does, and wherever the hand
+//! points; while tools are at work the room does not turn.
 
 use super::calibrate::{Pivot, Tip};
 use super::haptics::Felt;
@@ -58,6 +59,8 @@ impl Pull {
 #[derive(Clone, Copy, Debug)]
 struct Grip {
     tool: Tool,
+    /// What it was in the last frame: bare fingers hold nothing.
+    was: Tool,
     scalpel: Scalpel,
     forceps: Forceps,
     fist: Squeeze,
@@ -69,6 +72,22 @@ struct Grip {
     holds: Option<DVec3>,
     /// This squeeze began in tissue, so it stays one.
     squeezes: bool,
+}
+
+impl Grip {
+    /// Ends what it is in the middle of.
+    fn put_down(&mut self, out: &mut Vec<EditCommand>) {
+        self.scalpel.lift(out);
+        self.forceps.open(out);
+        self.fist.release(out);
+        (self.plane, self.holds, self.squeezes) = (None, None, false);
+        (self.tear, self.grab) = (Pull::default(), Pull::default());
+    }
+
+    /// True while its tool is in the middle of something.
+    fn is_at_work(&self) -> bool {
+        self.scalpel.is_cutting() || self.forceps.held().is_some() || self.fist.is_held() || self.plane.is_some()
+    }
 }
 
 /// What a hand holds and where, model space.
@@ -141,10 +160,12 @@ impl Hands {
     /// The scalpel in the better hand, forceps in the other. `tear_width` is a fraction of the model's diagonal.
     pub fn new(settings: VrSettings, tear_width: f64, placement: Placement) -> Self {
         let better = if settings.hand == Dexterity::Left { 0 } else { 1 };
+        let tool = |hand: usize| if hand == better { Tool::Scalpel } else { Tool::Forceps };
         let grip = |hand: usize| {
             let id = GRABS + 3 * hand as u32;
             Grip {
-                tool: if hand == better { Tool::Scalpel } else { Tool::Forceps },
+                tool: tool(hand),
+                was: tool(hand),
                 scalpel: Scalpel::default(),
                 forceps: Forceps::new(id),
                 fist: Squeeze::new([id + 1, id + 2]),
@@ -173,7 +194,20 @@ impl Hands {
         &self.placement
     }
 
-    /// Puts the model elsewhere.
+    /// True if the scalpel cuts along planes.
+    pub fn uses_plane(&self) -> bool {
+        self.plane_tool
+    }
+
+    /// Goes over to cutting along planes, or back to tearing. What is in progress ends.
+    pub fn use_plane(&mut self, on: bool, out: &mut Vec<EditCommand>) {
+        if on != self.plane_tool {
+            self.put_down(out);
+            self.plane_tool = on;
+        }
+    }
+
+    /// Puts the model elsewhere: with [`Hands::put_down`] before, or the tools go through the tissue.
     pub fn set_placement(&mut self, placement: Placement) {
         self.placement = placement;
         self.held_from = None;
@@ -211,22 +245,13 @@ impl Hands {
 
     /// Ends everything that is in progress: focus was lost, the headset came off.
     pub fn put_down(&mut self, out: &mut Vec<EditCommand>) {
-        for grip in &mut self.grips {
-            grip.scalpel.lift(out);
-            grip.forceps.open(out);
-            grip.fist.release(out);
-            (grip.plane, grip.holds, grip.squeezes) = (None, None, false);
-            (grip.tear, grip.grab) = (Pull::default(), Pull::default());
-        }
+        self.grips.iter_mut().for_each(|grip| grip.put_down(out));
         self.held_from = None;
     }
 
     /// True while a stroke, a grab or a hold is in progress.
     pub fn is_busy(&self) -> bool {
-        let busy = |g: &Grip| {
-            g.scalpel.is_cutting() || g.forceps.held().is_some() || g.fist.is_held() || g.plane.is_some() || g.holds.is_some()
-        };
-        self.grips.iter().any(busy)
+        self.grips.iter().any(|grip| grip.is_at_work() || grip.holds.is_some())
     }
 
     /// One frame.
@@ -238,7 +263,8 @@ impl Hands {
         self.buttons(input, around, out);
         for hand in 0..2 {
             let mut state = input.hands[hand];
-            if around.on_panel[hand] {
+            // what has begun goes on while the hand passes before the panel
+            if around.on_panel[hand] && !self.grips[hand].is_at_work() {
                 state.tear = 0.0;
             }
             if self.grips[hand].tool == Tool::Scalpel && self.pivot.is_some() {
@@ -260,10 +286,10 @@ impl Hands {
             }
         }
         if input.plane {
-            self.put_down(&mut out.commands);
-            self.plane_tool = !self.plane_tool;
+            self.use_plane(!self.plane_tool, &mut out.commands);
         }
         if input.recentre {
+            self.put_down(&mut out.commands);
             self.set_placement(Placement::within_reach(around.bounds.0, around.bounds.1, around.head));
         }
     }
@@ -272,6 +298,9 @@ impl Hands {
         let (scene, bounds) = (around.scene, around.bounds);
         let room = self.placement.length_to_model(1.0);
         let tool = if state.bare { Tool::Forceps } else { self.grips[hand].tool };
+        if std::mem::replace(&mut self.grips[hand].was, tool) != tool {
+            self.grips[hand].put_down(&mut out.commands);
+        }
         let tear = self.grips[hand].tear.update(state.tear);
         let grab = self.grips[hand].grab.update(state.grab);
         let blade = state.grip.map(|grip| self.blade(&grip, state, tool));
@@ -304,18 +333,21 @@ impl Hands {
             Tool::Forceps => {
                 let closed = tear || squeezes;
                 grip.forceps.update(blade.map(|b| b.tip), closed, JAWS * room, &mut out.commands);
-                if closed {
+                // what is torn is felt in the scalpel's hand
+                if closed && out.editing.is_none() {
                     out.editing = Some(hand);
                 }
             }
             Tool::Scalpel => {
                 let width = self.width(scene);
+                // the stroke that ends now is this hand's, too
+                let was_cutting = self.grips[hand].scalpel.is_cutting();
                 if self.plane_tool {
                     self.aim_plane(hand, blade, state, tear, out);
                 } else {
                     self.grips[hand].scalpel.update(blade, tear, width, &mut out.commands);
                 }
-                if tear || self.grips[hand].scalpel.is_cutting() {
+                if tear || was_cutting || self.grips[hand].scalpel.is_cutting() {
                     out.editing = Some(hand);
                 }
                 self.fist(hand, grip_point, state, squeezes, &mut out.commands);
@@ -366,7 +398,7 @@ impl Hands {
             }
             out.plane = grip.plane;
         } else if let Some((point, normal)) = grip.plane.take() {
-            out.commands.push(EditCommand::Cut(Plane::Equation { normal, offset: normal.dot(point) }));
+            out.commands.push(EditCommand::CutClosed(Plane::Equation { normal, offset: normal.dot(point) }));
             out.editing = Some(hand);
         }
     }
@@ -411,9 +443,10 @@ impl Hands {
                 }
             }
         }
+        let at_work = self.grips.iter().any(Grip::is_at_work);
         for hand in 0..2 {
             let angle = self.snap[hand].turn(hands[hand].turn, self.settings.snap_turn);
-            if angle != 0.0 {
+            if angle != 0.0 && !at_work {
                 self.placement = self.placement.turned_about(head.position, angle);
                 self.held_from = None;
             }

@@ -206,6 +206,84 @@ fn the_panel_s_triggers_and_lost_focus_tear_nothing() {
     assert!(matches!(commands[..], [EditCommand::StrokeEnd]) && !desk.hands.is_busy());
 }
 
+/// The blade in the front of the sphere, some way along a stroke.
+fn tearing(desk: &mut Desk, hand: usize) {
+    for i in 0..10 {
+        desk.tip(hand, DVec3::new(-0.1 + 0.02 * f64::from(i), 0.0, 0.45));
+        desk.input.hands[hand].tear = 1.0;
+        desk.frame();
+    }
+    assert!(desk.hands.is_busy());
+}
+
+#[test]
+fn nothing_jumps_while_the_blade_is_at_work() {
+    let mut desk = Desk::new(VrSettings::default());
+    tearing(&mut desk, 1);
+    let before = *desk.hands.placement();
+    desk.input.hands[1].turn = 1.0;
+    desk.frame();
+    assert_eq!(*desk.hands.placement(), before, "the room does not turn");
+    // the hand passes before the panel: the stroke goes on
+    desk.on_panel[1] = true;
+    desk.frame();
+    assert!(desk.reports.is_empty() && desk.hands.is_busy());
+    desk.on_panel[1] = false;
+    desk.input.hands[1].turn = 0.0;
+    desk.input.recentre = true;
+    desk.frame();
+    assert_eq!(desk.outcomes(), ["torn"], "the stroke ends before the model comes back");
+    desk.input.hands[1].tear = 0.0;
+    desk.input.recentre = false;
+    desk.frame();
+    desk.input.hands[1].turn = 1.0;
+    desk.frame();
+    assert!((desk.hands.placement().yaw - before.yaw).abs() > 0.1, "afterwards it does");
+}
+
+#[test]
+fn a_plane_is_not_cut_by_passing_before_the_panel() {
+    let mut desk = Desk::new(VrSettings::default());
+    let mut commands = Vec::new();
+    desk.hands.use_plane(true, &mut commands);
+    desk.tip(1, DVec3::new(0.1, 0.0, 0.4));
+    desk.input.hands[1].tear = 1.0;
+    desk.frame();
+    desk.on_panel[1] = true;
+    desk.frame();
+    assert!(desk.reports.is_empty() && desk.output.plane.is_some() && desk.hands.uses_plane());
+}
+
+#[test]
+fn a_controller_that_is_laid_down_ends_its_stroke() {
+    let mut desk = Desk::new(VrSettings::default());
+    tearing(&mut desk, 1);
+    desk.input.hands[1].bare = true;
+    desk.input.hands[1].tear = 0.0;
+    desk.frame();
+    assert_eq!(desk.outcomes(), ["torn"]);
+    desk.tip(1, DVec3::new(0.3, 0.2, 0.3));
+    desk.input.hands[1].bare = false;
+    desk.frame();
+    assert_eq!(desk.reports.len(), 1, "nothing is torn on the way back");
+}
+
+#[test]
+fn tearing_is_felt_in_the_scalpel_s_hand_to_its_end() {
+    for (hand, dexterity) in [(1, Dexterity::Right), (0, Dexterity::Left)] {
+        let mut desk = Desk::new(VrSettings { hand: dexterity, ..VrSettings::default() });
+        // the other hand's forceps are closed meanwhile
+        desk.input.hands[1 - hand].tear = 1.0;
+        tearing(&mut desk, hand);
+        assert_eq!(desk.output.editing, Some(hand));
+        desk.input.hands[hand].tear = 0.0;
+        desk.frame();
+        assert_eq!((desk.outcomes(), desk.output.editing), (vec!["torn"], Some(hand)), "what the end severs, too");
+        desk.frame();
+        assert_eq!(desk.output.editing, Some(1 - hand));
+    }
+}
+
 #[test]
 fn undo_ends_the_stroke_and_takes_it_back() {
     let mut desk = Desk::new(VrSettings::default());

@@ -1,10 +1,23 @@
 //! What the hands feel: short pulses on contact, for each torn segment, and when a piece comes off. Pure.
 
+/// Why a hand feels something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// Its instrument came to tissue.
+    Contact,
+    /// It tore a segment.
+    Segment,
+    /// A piece came off, or a cut was done.
+    Severed,
+}
+
 /// One vibration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pulse {
     /// 0 left, 1 right.
     pub hand: usize,
+    /// What for.
+    pub cause: Cause,
     /// 0 to 1.
     pub amplitude: f64,
     /// Seconds.
@@ -46,17 +59,17 @@ impl Haptics {
         let mut pulses = [None; 2];
         for (hand, pulse) in pulses.iter_mut().enumerate() {
             let begins = felt.touches[hand] && !self.touched[hand];
-            let (amplitude, seconds) = if felt.severed == Some(hand) {
-                (1.0, 0.08)
+            let (cause, amplitude, seconds) = if felt.severed == Some(hand) {
+                (Cause::Severed, 1.0, 0.08)
             } else if felt.torn == Some(hand) {
-                (0.6, 0.02)
+                (Cause::Segment, 0.6, 0.02)
             } else if begins {
-                (0.35, 0.015)
+                (Cause::Contact, 0.35, 0.015)
             } else {
                 continue;
             };
             if self.strength > 0.0 {
-                *pulse = Some(Pulse { hand, amplitude: amplitude * self.strength, seconds });
+                *pulse = Some(Pulse { hand, cause, amplitude: amplitude * self.strength, seconds });
                 self.fired += 1;
             }
         }

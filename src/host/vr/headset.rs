@@ -176,6 +176,8 @@ impl Headset {
                 }
                 xr::Event::InstanceLossPending(_) => order = Order::Recreate,
                 xr::Event::VisibilityMaskChangedKHR(_) => remask = true,
+                xr::Event::DisplayRefreshRateChangedFB(change) => self.refresh_hz = Some(change.to_display_refresh_rate()),
+                xr::Event::InteractionProfileChanged(_) => self.input.look_for_bare_hands(&self.session),
                 xr::Event::EventsLost(lost) => tracing::warn!("the runtime lost {} events", lost.lost_event_count()),
                 _ => {}
             }
@@ -302,17 +304,20 @@ fn from_corner((width, height): (u32, u32)) -> xr::Rect2Di {
     xr::Rect2Di { offset: xr::Offset2Di { x: 0, y: 0 }, extent: xr::Extent2Di { width: width as i32, height: height as i32 } }
 }
 
+/// A room whose origin is where the eyes were, and not on the floor.
+pub const AT_EYES: &str = "local";
+
 /// The room: floor-level and centred on the user if there is such a space, else the play area, else centred at eye height.
 fn base_space(runtime: &Runtime, session: &xr::Session<xr::Vulkan>) -> Result<(xr::Space, &'static str), VrError> {
     let offered = session.enumerate_reference_spaces().named("its spaces")?;
     let wanted = [
         (xr::ReferenceSpaceType::LOCAL_FLOOR, "local floor", runtime.extensions.ext_local_floor),
         (xr::ReferenceSpaceType::STAGE, "stage", true),
-        (xr::ReferenceSpaceType::LOCAL, "local", true),
+        (xr::ReferenceSpaceType::LOCAL, AT_EYES, true),
     ];
     let (kind, name, _) = wanted.into_iter().find(|(kind, _, known)| *known && offered.contains(kind)).unwrap_or((
         xr::ReferenceSpaceType::LOCAL,
-        "local",
+        AT_EYES,
         true,
     ));
     Ok((session.create_reference_space(kind, xr::Posef::IDENTITY).named("the space of the room")?, name))

@@ -1,6 +1,6 @@
 //! The action set in use: what the hands do in a frame, read from the runtime.
 
-use super::bindings::{Act, Kind, PROFILES};
+use super::bindings::{Act, BARE_HANDS, Kind, PROFILES};
 use super::error::{Named, VrError};
 use super::runtime::Runtime;
 use super::space::Pose;
@@ -42,6 +42,16 @@ pub struct HandsInput {
     pub recentre: bool,
 }
 
+/// A pad that turns at its sides is one of these buttons in its middle.
+const PAD_BUTTONS: [Act; 2] = [Act::Undo, Act::Plane];
+/// The side of a pad begins this far from its middle; a thumb that presses the middle is seldom there.
+const PAD_SIDE: f64 = 0.5;
+
+/// The side of a pad that a thumb is at: -1 or 1; none in the middle.
+fn side_of_pad(x: f64) -> Option<f64> {
+    (x.abs() > PAD_SIDE).then(|| x.signum())
+}
+
 /// Fingertips nearer than this are a full pinch, farther than that are none. Metres.
 const PINCH: (f64, f64) = (0.015, 0.04);
 
@@ -62,6 +72,8 @@ pub struct Input {
     /// Grip and aim of each hand.
     spaces: [[xr::Space; 2]; 2],
     trackers: Option<[xr::HandTracker; 2]>,
+    /// The interaction profile of bare hands, and the hands that the runtime says to have it.
+    bare: (xr::Path, [bool; 2]),
     /// Buttons that are down, a bit an action.
     down: u16,
 }
@@ -87,7 +99,14 @@ impl Input {
         } else {
             None
         };
-        Ok(Self { set, actions, hands, spaces, trackers, down: 0 })
+        let bare = (path(BARE_HANDS)?, [false; 2]);
+        Ok(Self { set, actions, hands, spaces, trackers, bare, down: 0 })
+    }
+
+    /// Asks which hands hold no controller. Call it when interaction profiles have changed.
+    pub fn look_for_bare_hands(&mut self, session: &xr::Session<xr::Vulkan>) {
+        let (profile, hands) = (self.bare.0, self.hands);
+        self.bare.1 = hands.map(|hand| session.current_interaction_profile(hand).is_ok_and(|now| now == profile));
     }
 
     /// Asks the runtime for the actions' states. Call once a frame, before the frame begins.
@@ -99,10 +118,15 @@ impl Input {
     pub fn read(&mut self, session: &xr::Session<xr::Vulkan>, base: &xr::Space, time: xr::Time) -> Result<HandsInput, VrError> {
         let mut input = HandsInput { hands: self.hands(session, base, time)?, ..HandsInput::default() };
         let mut down = 0;
-        for (act, action) in &self.actions.buttons {
-            for hand in self.hands {
+        for (index, &hand) in self.hands.iter().enumerate() {
+            let pad = self.stick(Act::TurnPad, index, session)?;
+            for (act, action) in &self.actions.buttons {
                 let state = action.state(session, hand).named("a button")?;
-                down |= u16::from(state.is_active && state.current_state) << *act as u16;
+                let is_down = state.is_active && state.current_state;
+                match pad.and_then(side_of_pad).filter(|_| is_down && PAD_BUTTONS.contains(act)) {
+                    Some(side) => input.hands[index].turn = side,
+                    None => down |= u16::from(is_down) << *act as u16,
+                }
             }
         }
         let went_down = |act: Act| down & !self.down & (1 << act as u16) != 0;
@@ -124,19 +148,26 @@ impl Input {
             (hand.grip, hand.aim) = (located(grip, base, time)?, located(aim, base, time)?);
             hand.tear = self.analog(Act::Tear, index, session)?;
             hand.grab = self.analog(Act::Grab, index, session)?;
-            for (_, stick) in &self.actions.sticks {
-                let state = stick.state(session, self.hands[index]).named("a stick")?;
-                hand.turn = if state.is_active { f64::from(state.current_state.x).clamp(-1.0, 1.0) } else { 0.0 };
-            }
-            let bare = hand.grip.is_none();
-            if let (true, Some(trackers)) = (bare, &self.trackers)
+            hand.turn = self.stick(Act::Turn, index, session)?.unwrap_or(0.0);
+            hand.bare = self.bare.1[index];
+            if let (true, Some(trackers)) = (hand.bare || hand.grip.is_none(), &self.trackers)
                 && let Some(joints) = base.locate_hand_joints(&trackers[index], time).named("a hand's joints")?
                 && let Some((pose, pinch)) = pinch(&joints)
             {
-                *hand = Hand { grip: Some(pose), aim: Some(pose), tear: pinch, bare: true, ..Hand::default() };
+                // where the runtime tells of pinches itself, its word counts as well
+                let (aim, tear) = (hand.aim.or(Some(pose)), hand.tear.max(pinch));
+                *hand = Hand { grip: Some(pose), aim, tear, bare: true, ..*hand };
             }
         }
         Ok(hands)
+    }
+
+    /// How far a stick is pushed to the right, -1 to 1; none where the controller has no such stick.
+    fn stick(&self, act: Act, hand: usize, session: &xr::Session<xr::Vulkan>) -> Result<Option<f64>, VrError> {
+        let Some((_, action)) = self.actions.sticks.iter().find(|s| s.0 == act) else { return Ok(None) };
+        let state = action.state(session, self.hands[hand]).named("a stick")?;
+        let x = f64::from(state.current_state.x);
+        Ok((state.is_active && x.is_finite()).then_some(x.clamp(-1.0, 1.0)))
     }
 
     fn analog(&self, act: Act, hand: usize, session: &xr::Session<xr::Vulkan>) -> Result<f64, VrError> {
@@ -261,6 +292,17 @@ mod tests {
         let (pose, _) = pinch(&joints(0.02)).expect("a tracked hand");
         assert!(pose.position.distance(DVec3::new(0.11, 1.3, -0.3)) < 1e-6);
         assert!((pose.yaw() - 0.7).abs() < 1e-6, "turned as the palm");
+    }
+
+    #[test]
+    fn a_pad_turns_at_its_sides_alone() {
+        assert_eq!([-1.0, -0.6, -0.4, 0.0, 0.4, 0.6].map(side_of_pad), [Some(-1.0), Some(-1.0), None, None, None, Some(1.0)]);
+        let pad = |row: &super::super::bindings::Row| {
+            row.1 == "input/trackpad" || row.1 == "input/trackpad/click" || row.2 == "input/trackpad/click"
+        };
+        let vive = PROFILES.iter().find(|p| p.bindings().any(|row| row.0 == Act::TurnPad)).expect("a wand with a pad");
+        let acts: Vec<Act> = vive.bindings().filter(pad).map(|row| row.0).filter(|act| *act != Act::TurnPad).collect();
+        assert!(!acts.is_empty() && acts.iter().all(|act| PAD_BUTTONS.contains(act)), "{acts:?}: all that the pad's click does");
     }
 
     #[test]

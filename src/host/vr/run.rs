@@ -11,7 +11,7 @@ use super::eye_mirror::EyeMirror;
 use super::fit::GpuLoad;
 use super::hands::{Around, Hands, HandsOutput};
 use super::haptics::Haptics;
-use super::headset::{EyeTarget, Headset};
+use super::headset::{AT_EYES, EyeTarget, Headset};
 use super::input::HandsInput;
 use super::lifecycle::Order;
 use super::lockstep::{Asked, Expected, Lockstep, wait_until_seen};
@@ -32,8 +32,11 @@ pub use super::capture::Capture as EyePictures;
 
 /// A step of a lockstep run: the clock of a runtime without a headset is the wall's, and no two runs would be alike.
 const LOCKSTEP_S: f64 = 1.0 / 90.0;
-/// The user stands here where the head is not tracked yet.
-const STANDING: Pose = Pose { position: DVec3::new(0.0, 1.6, 0.0), rotation: glam::DQuat::IDENTITY };
+/// The user stands here where the head is not tracked yet; the room's origin is on the floor or, where there is none, at the eyes.
+fn standing(room: &str) -> Pose {
+    let eyes = if room == AT_EYES { 0.0 } else { 1.6 };
+    Pose { position: DVec3::new(0.0, eyes, 0.0), rotation: glam::DQuat::IDENTITY }
+}
 
 /// How to run.
 #[derive(Clone)]
@@ -91,6 +94,10 @@ pub struct VrOutcome {
     pub mirrored: u64,
     /// Vibrations that the runtime took.
     pub pulses: u64,
+    /// Those of the left and of the right hand for contact, segments, and what was severed or cut.
+    pub pulses_by_cause: [[u64; 3]; 2],
+    /// True if the runtime ended the last session, and not the user.
+    pub ended_by_runtime: bool,
     /// Sessions that were lost and made again.
     pub recreated: u64,
     /// Where the model stands.
@@ -216,6 +223,8 @@ struct User {
     lockstep: Option<Lockstep>,
     time_s: f64,
     leaving: bool,
+    /// The model stands before a head that was tracked while the user's hands were ours.
+    placed: bool,
     output: HandsOutput,
     frame: InputFrame,
     instruments: Vec<Instrument>,
@@ -237,6 +246,7 @@ impl User {
             lockstep: None,
             time_s: 0.0,
             leaving: false,
+            placed: false,
             output: HandsOutput { commands: Vec::with_capacity(COMMANDS), ..HandsOutput::default() },
             frame: InputFrame { commands: Vec::with_capacity(COMMANDS), ..InputFrame::default() },
             instruments: Vec::with_capacity(INSTRUMENTS),
@@ -276,7 +286,10 @@ fn session(
     }
     loop {
         match headset.poll()? {
-            Order::Leave => return Ok(Ended::Left),
+            Order::Leave => {
+                outcome.ended_by_runtime = !user.leaving;
+                return Ok(Ended::Left);
+            }
             Order::Recreate => return Ok(Ended::Lost),
             Order::None => {}
             Order::Begin | Order::End => continue,
@@ -375,7 +388,8 @@ fn look_only(
     state: &openxr::FrameState,
 ) -> Result<Option<super::headset::Shown>, VrError> {
     let (low, high) = app.scene.bounds();
-    let placement = user.hands.as_ref().map_or_else(|| Placement::within_reach(low, high, &STANDING), |h| *h.placement());
+    let placement =
+        user.hands.as_ref().map_or_else(|| Placement::within_reach(low, high, &standing(headset.base_name)), |h| *h.placement());
     let mut target = eye_target(headset, state, placement, (&[], &[]), &mut user.mirror);
     target.load = GpuLoad::Told(0.0);
     target.present(&app.view(), &mut Stages::default(), &mut FrameCounters::default())?;
@@ -428,11 +442,18 @@ fn frame(
         Some(_) => LOCKSTEP_S,
         None => user.clock.step(time.as_nanos(), state.predicted_display_period.as_nanos()),
     };
-    let head = headset.head(time)?.unwrap_or(STANDING);
+    let tracked = headset.head(time)?;
+    let head = tracked.unwrap_or_else(|| standing(headset.base_name));
     let hands = user.hands.get_or_insert_with(|| {
         let (low, high) = app.scene.bounds();
         Hands::new(options.config.vr, options.config.tear.width, Placement::within_reach(low, high, &head))
     });
+    // a headset that lies on a desk while the session starts is put on later
+    if !user.placed && tracked.is_some() && headset.life.listens() {
+        user.placed = true;
+        let (low, high) = app.scene.bounds();
+        hands.set_placement(Placement::within_reach(low, high, &head));
+    }
     let mut pointer = None;
     user.frame.commands.clear();
     user.frame.show.clear();
@@ -440,7 +461,7 @@ fn frame(
     if headset.life.listens() {
         let input = headset.hands(time)?;
         let mut work = Work { app: &mut *app, hands: &mut *hands, head: &head, options, frame: &mut user.frame };
-        let (on_panel, changed) = desk.frame(headset, &input, &mut work)?;
+        let (on_panel, changed) = desk.frame(headset, (&input, state.should_render), &mut work)?;
         if changed {
             user.time_s = 0.0;
         }
@@ -547,6 +568,7 @@ fn feel(
     for pulse in user.haptics.frame(felt).into_iter().flatten() {
         headset.input.pulse(&headset.session, pulse.hand, pulse.amplitude, pulse.seconds)?;
         outcome.pulses += 1;
+        outcome.pulses_by_cause[pulse.hand][pulse.cause as usize] += 1;
     }
     Ok(())
 }
