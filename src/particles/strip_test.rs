@@ -96,7 +96,9 @@ impl StripGeometry {
         let high = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
         let units = normals.map(DVec3::normalize_or_zero);
         let normal = (normals[0] + normals[1]).normalize_or_zero();
-        let roundings = normals.map(|n| 1e-13 * n.abs().element_sum());
+        // the normal of a needle is a difference of products that nearly cancel
+        let products = triangles.map(|[p, q, s]| (q - p).length() * (s - p).length());
+        let roundings = [0, 1].map(|t| 1e-13 * normals[t].abs().element_sum() + 4e-15 * products[t]);
         let duals = triangles.map(duals);
         Self { triangles, normals, units, normal, roundings, duals, low, high, margin: 0.25 * d }
     }
