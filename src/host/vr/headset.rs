@@ -140,7 +140,8 @@ impl Headset {
     /// True if both eyes are drawn in one pass.
     pub fn multiview(&self) -> bool {
         let context = &self.graphics.context;
-        self.images.as_ref().is_some_and(|i| context.draws_views_at_once(2, context.samples_of(i.format())))
+        let can = self.images.as_ref().is_some_and(|i| context.draws_views_at_once(2, context.samples_of(i.format())));
+        can && context.prefers_views_at_once()
     }
 
     /// True if the compositor is told how far away things are.
