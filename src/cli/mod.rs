@@ -164,7 +164,10 @@ fn run(command: Option<Command>, config: &Config, file: Option<&Path>, allocatio
 fn best_mode(config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> Result<(), CliError> {
     #[cfg(feature = "vr")]
     match crate::host::vr::available() {
-        Ok(()) => return vr::Vr::plain().run(config, file, allocations),
+        Ok(()) => match vr::Vr::plain().open(config, file, allocations)? {
+            Ok(()) => return Ok(()),
+            Err(why) => tracing::warn!("{why}"),
+        },
         Err(why) => tracing::warn!("{why}"),
     }
     #[cfg(feature = "desktop")]

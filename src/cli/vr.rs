@@ -50,6 +50,11 @@ impl Vr {
     }
 
     pub fn run(self, config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> Result<(), CliError> {
+        self.open(config, file, allocations)?.map_err(CliError::Run)
+    }
+
+    /// [`Vr::run`]. The inner error, a sentence: there is no headset that a picture could be shown in, and nothing was begun.
+    pub fn open(self, config: &Config, file: Option<&Path>, allocations: fn() -> u64) -> Result<Result<(), String>, CliError> {
         let scene = self.make_scene(config)?;
         let mut app = App::new(scene, 1.0, allocations);
         let options = VrOptions {
@@ -67,6 +72,9 @@ impl Vr {
         let result = run(&mut app, &options, &mut outcome);
         let changed = app.scene.undo_depth() > 0;
         if let Err(error) = result {
+            if outcome.drawn + outcome.undrawn + outcome.rested == 0 {
+                return Ok(Err(error.to_string()));
+            }
             return Err(CliError::Run(if changed { self.rescue(&app.scene, &error.to_string()) } else { error.to_string() }));
         }
         if outcome.ended_by_runtime && changed {
@@ -78,7 +86,7 @@ impl Vr {
             write_file(&folder.join("report.json"), format!("{:#}\n", report(&app, &outcome, eyes)).as_bytes())?;
         }
         print_line(&format!("{} frames on {} ({})", outcome.drawn, outcome.headset, outcome.runtime));
-        Ok(())
+        Ok(Ok(()))
     }
 
     fn make_scene(&self, config: &Config) -> Result<Scene, CliError> {
