@@ -195,8 +195,8 @@ fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
         "undrawn": outcome.undrawn,
         "rested": outcome.rested,
         "nonsense_periods": outcome.nonsense_periods,
-        "pulses": outcome.pulses,
-        "pulses_by_cause": outcome.pulses_by_cause.map(|[contact, segments, severed]| {
+        "pulses": outcome.pulses.iter().flatten().sum::<u64>(),
+        "pulses_by_cause": outcome.pulses.map(|[contact, segments, severed]| {
             json!({ "contact": contact, "segments": segments, "severed": severed })
         }),
         "recreated": outcome.recreated,

@@ -98,10 +98,15 @@ impl Tissue {
         0.5 * (b - a).cross(c - a).length()
     }
 
+    /// Each of a piece's first vertices, with the one of the tissue it came off that it was.
+    fn own_and_parents(&self) -> impl Iterator<Item = (VertexId, VertexId)> + '_ {
+        self.came_from.iter().enumerate().map(|(own, &parents)| (VertexId::new(own), parents))
+    }
+
     /// Where the vertices stand that came from the tissue this piece was severed from, by their numbers there.
     pub(super) fn stands_in_parent(&self) -> impl Iterator<Item = (VertexId, DVec3)> + '_ {
-        let own = self.came_from.iter().enumerate().map(|(v, &from)| (VertexId::new(v), from));
-        own.filter(|(v, _)| self.mesh.vertex_is_live(*v)).map(|(v, from)| (from, self.position(v)))
+        let live = self.own_and_parents().filter(|(v, _)| self.mesh.vertex_is_live(*v));
+        live.map(|(v, from)| (from, self.position(v)))
     }
 
     /// A piece is about to come off `parent` again, as it did before: it has the pose and the clock of that, and those of its vertices
@@ -111,8 +116,9 @@ impl Tissue {
         (self.animation, self.time_s) = (parent.animation, parent.time_s);
         self.versions.pose += 1;
         self.refresh_turns();
-        let own = self.came_from.iter().enumerate().map(|(v, &from)| (VertexId::new(v), from));
-        let there = own.filter(|&(_, from)| from.index() < parent.mesh.vertex_slots() && parent.mesh.vertex_is_live(from));
+        let there = self
+            .own_and_parents()
+            .filter(|&(_, from)| from.index() < parent.mesh.vertex_slots() && parent.mesh.vertex_is_live(from));
         self.hold(there.map(|(v, from)| (v, parent.position(from))).collect());
     }
 

@@ -8,7 +8,7 @@ use super::hands::{Hands, Tool};
 use super::headset::Headset;
 use super::input::HandsInput;
 use super::run::VrOptions;
-use super::space::{Placement, Pose};
+use super::space::Pose;
 use crate::app::{App, FrameReport};
 use crate::config::Dexterity;
 use crate::diagnostics::Stages;
@@ -127,10 +127,7 @@ impl Desk {
                     state.layers.remove(&layer)
                 };
             }
-            PanelAction::Frame => {
-                hands.put_down(&mut frame.commands);
-                place(app, hands, head);
-            }
+            PanelAction::Frame => hands.recentre(app.scene.bounds(), head, &mut frame.commands),
             PanelAction::Animate(animation) => {
                 state.animation = animation;
                 app.scene.set_animation(animation);
@@ -185,7 +182,7 @@ impl Desk {
         frame.show.extend(state.layers.iter().map(|&layer| (layer, true)));
         state.model = name;
         describe(app, state);
-        place(app, hands, head);
+        hands.recentre(app.scene.bounds(), head, &mut frame.commands);
         true
     }
 
@@ -239,11 +236,6 @@ impl Desk {
 fn edit(command: EditCommand, hands: &mut Hands, frame: &mut InputFrame) {
     hands.put_down(&mut frame.commands);
     frame.commands.push(command);
-}
-
-fn place(app: &App, hands: &mut Hands, head: &Pose) {
-    let (low, high) = app.scene.bounds();
-    hands.set_placement(Placement::within_reach(low, high, head));
 }
 
 /// What the panel says of the model that is there.

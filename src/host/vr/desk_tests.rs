@@ -1,5 +1,6 @@
 //! What the board asks for is done.
 
+use super::super::space::Placement;
 use super::*;
 use crate::formats::load;
 use crate::input::Layer;

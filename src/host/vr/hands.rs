@@ -207,7 +207,13 @@ impl Hands {
         }
     }
 
-    /// Puts the model elsewhere: with [`Hands::put_down`] before, or the tools go through the tissue.
+    /// Brings a model with such bounds within reach of a head. What is in progress ends, or the tools would go through the tissue.
+    pub fn recentre(&mut self, (low, high): (DVec3, DVec3), head: &Pose, out: &mut Vec<EditCommand>) {
+        self.put_down(out);
+        self.set_placement(Placement::within_reach(low, high, head));
+    }
+
+    /// Puts the model elsewhere, whatever the hands are in the middle of.
     pub fn set_placement(&mut self, placement: Placement) {
         self.placement = placement;
         self.held_from = None;
@@ -289,8 +295,7 @@ impl Hands {
             self.use_plane(!self.plane_tool, &mut out.commands);
         }
         if input.recentre {
-            self.put_down(&mut out.commands);
-            self.set_placement(Placement::within_reach(around.bounds.0, around.bounds.1, around.head));
+            self.recentre(around.bounds, around.head, &mut out.commands);
         }
     }
 

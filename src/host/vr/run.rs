@@ -92,10 +92,8 @@ pub struct VrOutcome {
     pub nonsense_periods: u64,
     /// Frames that a window beside the headset showed.
     pub mirrored: u64,
-    /// Vibrations that the runtime took.
-    pub pulses: u64,
-    /// Those of the left and of the right hand for contact, segments, and what was severed or cut.
-    pub pulses_by_cause: [[u64; 3]; 2],
+    /// Vibrations that the runtime took, of the left and of the right hand, for contact, segments, and what was severed or cut.
+    pub pulses: [[u64; 3]; 2],
     /// True if the runtime ended the last session, and not the user.
     pub ended_by_runtime: bool,
     /// Sessions that were lost and made again.
@@ -451,8 +449,7 @@ fn frame(
     // a headset that lies on a desk while the session starts is put on later
     if !user.placed && tracked.is_some() && headset.life.listens() {
         user.placed = true;
-        let (low, high) = app.scene.bounds();
-        hands.set_placement(Placement::within_reach(low, high, &head));
+        hands.recentre(app.scene.bounds(), &head, &mut user.frame.commands);
     }
     let mut pointer = None;
     user.frame.commands.clear();
@@ -567,8 +564,7 @@ fn feel(
     felt.torn = user.output.editing.filter(|_| changes > 0);
     for pulse in user.haptics.frame(felt).into_iter().flatten() {
         headset.input.pulse(&headset.session, pulse.hand, pulse.amplitude, pulse.seconds)?;
-        outcome.pulses += 1;
-        outcome.pulses_by_cause[pulse.hand][pulse.cause as usize] += 1;
+        outcome.pulses[pulse.hand][pulse.cause as usize] += 1;
     }
     Ok(())
 }
