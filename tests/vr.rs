@@ -3,10 +3,14 @@
 
 #![cfg(feature = "vr")]
 
+#[path = "vr/buttons.rs"]
+mod buttons;
 #[path = "vr/driver.rs"]
 mod driver;
 #[path = "vr/failures.rs"]
 mod failures;
+#[path = "vr/panel.rs"]
+mod panel;
 #[path = "vr/remote.rs"]
 mod remote;
 #[path = "vr/service.rs"]
@@ -15,3 +19,5 @@ mod service;
 mod steady;
 #[path = "vr/surgery.rs"]
 mod surgery;
+#[path = "vr/validation.rs"]
+mod validation;

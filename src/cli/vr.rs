@@ -9,6 +9,7 @@ use super::report_json;
 use crate::app::App;
 use crate::config::Config;
 use crate::gpu::{Context, ContextOptions, DrawOptions, GpuError};
+use crate::host::vr::space::Placement;
 use crate::host::vr::{EyePictures, FrameNote, VrOptions, VrOutcome, run, scenery};
 use crate::input::ParticleOverrides;
 use crate::scene::{Scene, SceneSettings};
@@ -165,22 +166,30 @@ fn write_png(path: &Path, pixels: &[u8], (width, height): (u32, u32)) -> Result<
 fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
     let points = |points: &[DVec3]| points.iter().map(|p| json!(p.to_array())).collect::<Vec<_>>();
     let middles: Vec<DVec3> = app.scene.last_tear_boxes().iter().map(|b| b.corners().iter().sum::<DVec3>() / 8.0).collect();
-    let frame = |FrameNote { report, gpu, commands, core_ms, allocations, displaced }: &FrameNote| {
+    let stands = |p: &Placement| json!({ "position": p.position.to_array(), "yaw": p.yaw, "scale": p.scale });
+    let hex = |hash: u64| format!("{hash:016x}");
+    let frame = |note: &FrameNote| {
+        let FrameNote { report, gpu, commands, core_ms, allocations, displaced, focused, faces, panel, .. } = note;
         json!({
             "time": report.time_s,
             "stages_ms": report_json::stages(&report.stages),
             "gpu_ms": report_json::stages(gpu),
             "core_ms": core_ms,
             "dispatches": report.counters.dispatches,
+            "draws": report.counters.draws,
             "bytes_uploaded": report.counters.bytes_uploaded,
             "particles_awake": report.counters.particles_awake,
             "allocations": allocations,
             "commands": commands,
             "displaced": displaced,
             "pipelines": report.counters.pipelines,
+            "focused": focused,
+            "placement": note.placement.as_ref().map(stands),
+            "faces": faces,
+            "edit_hash": note.edit_hash.map(hex),
+            "panel": { "draws": panel.draws, "bytes_uploaded": panel.bytes_uploaded },
         })
     };
-    let placement = outcome.placement.map(|p| json!({ "position": p.position.to_array(), "yaw": p.yaw, "scale": p.scale }));
     json!({
         "runtime": outcome.runtime,
         "headset": outcome.headset,
@@ -201,12 +210,12 @@ fn report(app: &App, outcome: &VrOutcome, eyes: Option<Value>) -> Value {
         }),
         "recreated": outcome.recreated,
         "mirrored": outcome.mirrored,
-        "placement": placement,
+        "placement": outcome.placement.as_ref().map(stands),
         "eyes": eyes,
         "tips": points(&outcome.tips),
         "last_boxes": points(&middles),
-        "edit_hash": format!("{:016x}", app.scene.edit_hash()),
-        "state_hash": format!("{:016x}", app.scene.state_hash()),
+        "edit_hash": hex(app.scene.edit_hash()),
+        "state_hash": hex(app.scene.state_hash()),
         "edits": report_json::edits(outcome.frames.iter().map(|note| &note.report)),
         "frames": outcome.frames.iter().map(frame).collect::<Vec<_>>(),
     })

@@ -7,6 +7,16 @@ pub struct UiPass {
     renderer: egui_wgpu::Renderer,
     /// Freed once the pass that may still use them has been submitted.
     free: Vec<egui::TextureId>,
+    cost: UiCost,
+}
+
+/// What frames of a user interface have cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UiCost {
+    /// Draw calls.
+    pub draws: u64,
+    /// Bytes sent to the GPU: corners, indices, glyphs.
+    pub bytes_uploaded: u64,
 }
 
 /// One frame of a user interface.
@@ -24,7 +34,12 @@ impl UiPass {
     pub fn new(context: &Context, format: wgpu::TextureFormat) -> Self {
         context.note_pipeline();
         let options = egui_wgpu::RendererOptions { msaa_samples: 1, dithering: false, ..Default::default() };
-        Self { renderer: egui_wgpu::Renderer::new(context.device(), format, options), free: Vec::new() }
+        Self { renderer: egui_wgpu::Renderer::new(context.device(), format, options), free: Vec::new(), cost: UiCost::default() }
+    }
+
+    /// What was drawn since it was last asked.
+    pub fn take_cost(&mut self) -> UiCost {
+        std::mem::take(&mut self.cost)
     }
 
     /// Encodes the frame into `view`, of `size` pixels, over what is there, or over nothing if `clear`. The command buffers
@@ -45,10 +60,18 @@ impl UiPass {
         }
         for (id, deltas) in textures.set.drain() {
             for delta in deltas {
+                let [width, height] = delta.image.size();
+                self.cost.bytes_uploaded += (width * height * delta.image.bytes_per_pixel()) as u64;
                 self.renderer.update_texture(context.device(), &queue, id, &delta);
             }
         }
         self.free.extend(textures.free.drain());
+        for job in &jobs {
+            if let egui::epaint::Primitive::Mesh(mesh) = &job.primitive {
+                self.cost.draws += 1;
+                self.cost.bytes_uploaded += (size_of_val(&mesh.vertices[..]) + size_of_val(&mesh.indices[..])) as u64;
+            }
+        }
         let screen = egui_wgpu::ScreenDescriptor { size_in_pixels: [size.0, size.1], pixels_per_point };
         let buffers = self.renderer.update_buffers(context.device(), &queue, encoder, &jobs, &screen);
         let load = if clear { wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT) } else { wgpu::LoadOp::Load };

@@ -89,6 +89,12 @@ impl Led {
         self.hands[hand].position = (self.placement.to_world(tip) + back).as_vec3().to_array();
     }
 
+    /// Puts the tip of a hand's instrument, the trigger let go, at a point of model space, pointing at a point of the room.
+    pub fn point(&mut self, hand: usize, tip: DVec3, target: DVec3) {
+        let way = (target - self.placement.to_world(tip)).normalize();
+        self.aim(hand, [(-way.x).atan2(-way.z) as f32, (-way.y).asin() as f32], tip);
+    }
+
     /// Where the grip of a level hand must be for the instrument's tip to be at a point of model space.
     pub fn grip_for(&self, tip: DVec3, trigger: f32) -> [f32; 3] {
         let deeper = TIP + REACH * f64::from(trigger);
@@ -121,16 +127,22 @@ impl Led {
 
     /// Presses the lower button of a hand for two frames and lets it go for two.
     pub fn press_a(&mut self, hand: usize) {
-        for down in [true, true, false, false] {
-            self.hand(hand).a = down;
-            self.frame(false);
-        }
+        self.press(hand, |controller| &mut controller.a);
     }
 
     /// The same with the upper button.
     pub fn press_b(&mut self, hand: usize) {
+        self.press(hand, |controller| &mut controller.b);
+    }
+
+    /// The same with the stick.
+    pub fn press_stick(&mut self, hand: usize) {
+        self.press(hand, |controller| &mut controller.stick_down);
+    }
+
+    fn press(&mut self, hand: usize, button: fn(&mut Controller) -> &mut bool) {
         for down in [true, true, false, false] {
-            self.hand(hand).b = down;
+            *button(self.hand(hand)) = down;
             self.frame(false);
         }
     }
@@ -150,6 +162,13 @@ impl Led {
 
     fn say(&mut self, line: &str) {
         self.lines.get_mut().write_all(format!("{line}\n").as_bytes()).expect("incise listens");
+    }
+
+    /// Ends the run, which must go well, and reads the report that it leaves in `out`.
+    pub fn report(self, service: &Service) -> Value {
+        assert!(self.quit(), "a clean exit: {}", log_of(service));
+        let report = std::fs::read_to_string(service.folder.join("out/report.json")).expect("a report");
+        serde_json::from_str(&report).expect("JSON")
     }
 
     /// Ends the run; true if the program left with exit code 0.

@@ -16,6 +16,8 @@ pub struct Controller {
     pub squeeze: f32,
     /// Stick to the right, -1 to 1.
     pub stick: f32,
+    /// The stick, pressed.
+    pub stick_down: bool,
     /// The lower button of the hand.
     pub a: bool,
     /// The upper one.
@@ -54,10 +56,10 @@ impl Remote {
             put(&mut bytes, &[0.0; 5]); // fingers
             put(&mut bytes, &[hand.trigger, hand.squeeze, hand.squeeze, hand.stick, 0.0, 0.0, 0.0, 0.0]);
             let on = |b: bool| u8::from(b);
-            // hand tracking, active, system, a, b, trigger: clicked and touched each; stick, trackpad, padding
+            // hand tracking, active, system, a, b, trigger, stick: clicked and touched each; trackpad, padding
             let (pulled, touched) = (on(hand.trigger > 0.9), on(hand.trigger > 0.0));
             bytes.extend_from_slice(&[0, 1, 0, 0, on(hand.a), on(hand.a), on(hand.b), on(hand.b), pulled, touched]);
-            bytes.extend_from_slice(&[0; 6]);
+            bytes.extend_from_slice(&[on(hand.stick_down), on(hand.stick_down), 0, 0, 0, 0]);
         }
         assert_eq!(bytes.len(), PACKET);
         self.0.write_all(&bytes)

@@ -2,6 +2,7 @@
 
 use super::driver::{Led, log_of};
 use super::service::{Compositor, Display, Screen, Service};
+use super::validation::Layers;
 use glam::DVec3;
 use incise::gpu::blit::middle_part;
 use serde_json::Value;
@@ -78,9 +79,7 @@ fn operate(service: &Service, more: &[(&str, &str)], gpu_ms: f64) -> Run {
         led.frame(true);
     }
     let [screen, mirror] = [&service.display, &service.desktop].map(|d| d.as_ref().map(Display::settled));
-    assert!(led.quit(), "a clean exit: {}", log_of(service));
-    let report = std::fs::read_to_string(service.folder.join("out/report.json")).expect("a report");
-    let report = serde_json::from_str(&report).expect("JSON");
+    let report = led.report(service);
     Run { report, tips, log: log_of(service), diagonal: size.length(), screen, mirror, pulled }
 }
 
@@ -128,13 +127,15 @@ fn check_surgery(run: &Run) {
     assert!(further > 0.3 * by, "the forceps were pulled by {by} m and took the tissue {further} m along");
 }
 
+/// Mean difference of two pictures, of 255.
+pub fn difference(a: &image::RgbImage, b: &image::RgbImage) -> f64 {
+    a.as_raw().iter().zip(b.as_raw()).map(|(x, y)| f64::from(x.abs_diff(*y))).sum::<f64>() / a.as_raw().len() as f64
+}
+
 /// Both eyes show the model, each from its own place, and as a device draws it that has seen none of the edits happen.
 fn check_eyes(run: &Run, folder: &Path) {
     let open = |name: &str| image::open(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).to_rgb8();
     let eyes = [open("eye-0.png"), open("eye-1.png")];
-    let difference = |a: &image::RgbImage, b: &image::RgbImage| {
-        a.as_raw().iter().zip(b.as_raw()).map(|(x, y)| f64::from(x.abs_diff(*y))).sum::<f64>() / a.as_raw().len() as f64
-    };
     for (i, eye) in eyes.iter().enumerate() {
         let twin = open(&format!("headless-{i}.png"));
         let off = difference(eye, &twin);
@@ -182,40 +183,18 @@ fn check_mirror(run: &Run, eye: &Screen) {
     assert!(beside > 2.0 * here, "the measure sees a picture that is elsewhere: {beside} and {here}");
 }
 
-/// Both validation layers were there, and neither had anything to say.
-fn check_validation(vulkan: &str, openxr: &str) {
-    let inserted = |l: &str| l.contains("VK_LAYER_KHRONOS_validation") && l.to_lowercase().contains("insert");
-    assert!(vulkan.lines().any(inserted), "Vulkan's layer was not loaded:\n{vulkan}");
-    let marks = ["VUID", "Validation Error", "Validation Warning"];
-    let found: Vec<&str> = vulkan.lines().filter(|l| marks.iter().any(|m| l.contains(m))).collect();
-    assert!(found.is_empty(), "Vulkan validation:\n{}", found.join("\n"));
-    assert!(openxr.contains("Core Validation Layer is initialized"), "OpenXR's layer was not loaded:\n{openxr}");
-    let found: Vec<&str> = openxr.lines().filter(|l| !l.trim().is_empty() && !l.contains("VALID_DEBUG")).collect();
-    assert!(found.is_empty(), "OpenXR validation:\n{}", found.join("\n"));
-}
-
 #[test]
 #[ignore = "scripts/test-vr runs it"]
 fn a_person_tears_pulls_and_cuts_and_every_run_is_the_same() {
     let window = Service::start("window", Compositor::Window(20)).with_desktop();
-    let xr_log = window.folder.join("openxr-validation.txt");
-    let validated = operate(
-        &window,
-        &[
-            ("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation"),
-            ("XR_ENABLE_API_LAYERS", "XR_APILAYER_LUNARG_core_validation"),
-            ("VK_LOADER_DEBUG", "layer"),
-            ("XR_CORE_VALIDATION_EXPORT_TYPE", "text"),
-            ("XR_CORE_VALIDATION_FILE_NAME", xr_log.to_str().expect("a plain name")),
-        ],
-        0.0,
-    );
+    let layers = Layers::of(&window);
+    let validated = operate(&window, &layers.environment(), 0.0);
     check_resolution(&validated.report, 1.0);
     check_surgery(&validated);
     check_eyes(&validated, &window.folder.join("out"));
     let eye = image::open(window.folder.join("out/eye-0.png")).expect("the left eye").to_rgb8();
     check_mirror(&validated, &eye);
-    check_validation(&validated.log, &std::fs::read_to_string(&xr_log).unwrap_or_default());
+    layers.check(&validated.log);
 
     let null = Service::start("null", Compositor::Null);
     let again = operate(&null, &[], 500.0);

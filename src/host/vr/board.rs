@@ -6,16 +6,17 @@ use super::input::Hand;
 use super::space::Pose;
 use super::swapchain::Images;
 use crate::gpu::Context;
-use crate::gpu::ui::{UiFrame, UiPass};
+use crate::gpu::ui::{UiCost, UiFrame, UiPass};
 use crate::panel::{Panel, PanelAction, PanelState};
 use glam::{DQuat, DVec3};
 use openxr as xr;
 
-/// The board's size in the room, metres, and its points.
+/// The board's size in the room, metres.
 const SIZE: (f64, f64) = (0.36, 0.60);
-const POINTS: [f32; 2] = [360.0, 600.0];
+/// The board's points.
+pub const POINTS: [f32; 2] = [360.0, 600.0];
 /// Pixels a point.
-const SHARPNESS: f32 = 2.0;
+pub const SHARPNESS: f32 = 2.0;
 /// From the head to where it opens: forwards, to the left, down. Metres.
 const PLACE: DVec3 = DVec3::new(-0.4, -0.15, -0.58);
 /// A trigger presses above this.
@@ -92,6 +93,12 @@ impl Board {
         let mut encoder = context.device().create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("rehearsal") });
         let buffers = ui.encode(context, &mut encoder, &view, size, drawn, true);
         context.queue().submit(buffers.into_iter().chain([encoder.finish()]));
+        ui.take_cost();
+    }
+
+    /// What its pictures have cost since this was last asked, but for the rehearsal at a session's start.
+    pub fn take_cost(&mut self) -> UiCost {
+        self.picture.as_mut().map(|(_, ui)| ui.take_cost()).unwrap_or_default()
     }
 
     /// Forgets what belongs to a session that is over.
@@ -148,14 +155,19 @@ impl Board {
     pub fn ray(&self, hands: &[Hand; 2]) -> Option<[DVec3; 2]> {
         let (place, pointed) = self.place.zip(self.pointed)?;
         let aim = hands[pointed.hand].aim?;
-        let x = (f64::from(pointed.at[0] / POINTS[0]) - 0.5) * SIZE.0;
-        let y = (0.5 - f64::from(pointed.at[1] / POINTS[1])) * SIZE.1;
-        Some([aim.position, place.at(DVec3::new(x, y, 0.0))])
+        Some([aim.position, point_of(&place, pointed.at)])
     }
 }
 
-/// Before a head, turned to it, upright.
-fn placed(head: &Pose) -> Pose {
+/// Where a point of the board, in points from its upper left, is in the room.
+pub fn point_of(place: &Pose, at: [f32; 2]) -> DVec3 {
+    let x = (f64::from(at[0] / POINTS[0]) - 0.5) * SIZE.0;
+    let y = (0.5 - f64::from(at[1] / POINTS[1])) * SIZE.1;
+    place.at(DVec3::new(x, y, 0.0))
+}
+
+/// Where the board opens: before a head, turned to it, upright.
+pub fn placed(head: &Pose) -> Pose {
     let upright = DQuat::from_rotation_y(head.yaw());
     let position = head.position + upright * PLACE;
     let to_head = head.position - position;

@@ -13,7 +13,7 @@
 //! | [`fit`] | how much of the pictures is drawn: as much as the GPU has time for |
 //! | `capture`, [`eye_mirror`] | pictures brought back; one eye in a window, for those who look on |
 //! | `headset` | one session: swapchain, spaces, a frame |
-//! | [`mod@run`] | the loop over frames and sessions |
+//! | [`mod@run`], [`outcome`] | the loop over frames and sessions; what it has to tell in the end |
 //! | [`lockstep`] | a test driver's hold on the loop |
 
 pub mod bindings;
@@ -33,6 +33,7 @@ pub mod input;
 mod interop;
 pub mod lifecycle;
 pub mod lockstep;
+pub mod outcome;
 pub mod run;
 pub mod runtime;
 pub mod space;
@@ -40,7 +41,8 @@ mod swapchain;
 
 pub use error::{VrError, VrUnavailable};
 pub use headset::scenery;
-pub use run::{EyePictures, FrameNote, VrOptions, VrOutcome, run};
+pub use outcome::{EyePictures, FrameNote, VrOutcome};
+pub use run::{VrOptions, run};
 
 /// Looks for a headset without starting a session: for deciding between headset and window.
 pub fn available() -> Result<(), VrUnavailable> {

@@ -2,7 +2,6 @@
 //!
 //! A frame: wait -> actions -> begin -> hands and head -> app (edits, step) -> late eyes, draw -> end.
 
-use super::capture::Capture;
 use super::clock::StepClock;
 use super::desk::{Desk, Work};
 use super::drawn;
@@ -15,10 +14,12 @@ use super::headset::{AT_EYES, EyeTarget, Headset};
 use super::input::HandsInput;
 use super::lifecycle::Order;
 use super::lockstep::{Asked, Expected, Lockstep, wait_until_seen};
+use super::outcome::{FrameNote, VrOutcome};
 use super::space::{Placement, Pose};
 use crate::app::{App, FrameCounters, FrameReport, FrameTarget};
 use crate::config::{Config, VrSettings};
 use crate::diagnostics::{Stages, core_seconds};
+use crate::gpu::ui::UiCost;
 use crate::gpu::{Instrument, LineSegment};
 use crate::host::models::{Export, Load};
 use crate::input::InputFrame;
@@ -27,8 +28,6 @@ use glam::DVec3;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-
-pub use super::capture::Capture as EyePictures;
 
 /// A step of a lockstep run: the clock of a runtime without a headset is the wall's, and no two runs would be alike.
 const LOCKSTEP_S: f64 = 1.0 / 90.0;
@@ -59,76 +58,6 @@ pub struct VrOptions {
     pub lockstep: Option<SocketAddr>,
     /// Keep every frame's report: for runs that are looked at afterwards.
     pub keep_reports: bool,
-}
-
-/// What happened.
-#[derive(Debug, Default)]
-pub struct VrOutcome {
-    /// The runtime's name and version.
-    pub runtime: String,
-    /// The headset's name.
-    pub headset: String,
-    /// The graphics card's name.
-    pub adapter: String,
-    /// Which space the room is.
-    pub space: &'static str,
-    /// Pictures a second, if the headset says.
-    pub refresh_hz: Option<f32>,
-    /// True if both eyes were drawn in one pass.
-    pub multiview: bool,
-    /// True if the compositor was told how far away things are.
-    pub depth: bool,
-    /// Width and height of an eye's picture.
-    pub eye_size: (u32, u32),
-    /// The smallest share of each side that was drawn because the GPU fell behind; 0 before the first session.
-    pub least_resolution: f64,
-    /// Frames that were drawn.
-    pub drawn: u64,
-    /// Frames that the runtime wanted no picture for.
-    pub undrawn: u64,
-    /// Frames in which the headset was off, or showed another program: nothing moved.
-    pub rested: u64,
-    /// Frames whose predicted period was nonsense.
-    pub nonsense_periods: u64,
-    /// Frames that a window beside the headset showed.
-    pub mirrored: u64,
-    /// Vibrations that the runtime took, of the left and of the right hand, for contact, segments, and what was severed or cut.
-    pub pulses: [[u64; 3]; 2],
-    /// True if the runtime ended the last session, and not the user.
-    pub ended_by_runtime: bool,
-    /// Sessions that were lost and made again.
-    pub recreated: u64,
-    /// Where the model stands.
-    pub placement: Option<Placement>,
-    /// Frames, if they were kept.
-    pub frames: Vec<FrameNote>,
-    /// Commanded tips while tearing, model space, if reports were kept.
-    pub tips: Vec<DVec3>,
-    /// The last pictures that the driver asked for.
-    pub pictures: Option<Capture>,
-    /// The instruments in those pictures.
-    pub instruments: Vec<Instrument>,
-    /// The pointer's ray in those pictures.
-    pub lines: Vec<LineSegment>,
-}
-
-/// A frame that was kept.
-#[derive(Clone, Debug, Default)]
-pub struct FrameNote {
-    /// The app's report. Besides the app's stages: `input` (hands and board); and what is none of our work, `image` (waiting for
-    /// the compositor's image) and `submit` (driver and runtime take over what was encoded).
-    pub report: FrameReport,
-    /// Milliseconds of the GPU's passes, of a few frames before; empty where the adapter does not tell.
-    pub gpu: Stages,
-    /// Edit commands of the hands and the board.
-    pub commands: usize,
-    /// Milliseconds for which the frame's thread ran on a core for all of the app's stages and `input`: unlike theirs, without time in
-    /// which the system ran something else there. None where the system does not tell.
-    pub core_ms: Option<f64>,
-    /// Heap allocations of ours: from the hands' poses to the notes of the upload.
-    pub allocations: u64,
-    /// Largest displacement of a particle, metres.
-    pub displaced: f64,
 }
 
 /// How a session ended.
@@ -518,7 +447,9 @@ fn frame(
     allocations += report.counters.allocations + allocated;
     report.stages.add("input", 1e3 * input_s);
     feel(headset, user, &report, changes, outcome)?;
+    let mut panel = UiCost::default();
     if let Some(desk) = &mut user.desk {
+        panel = desk.board.take_cost();
         desk.note(app, &report, gpu);
         if let Some(pictures) = captured.as_ref().filter(|_| wanted) {
             desk.write_picture(pictures);
@@ -532,8 +463,20 @@ fn frame(
     if options.keep_reports {
         let layers = app.scene.tissues().filter_map(|(_, t)| t.layer());
         let displaced = layers.flat_map(|l| l.displacements()).map(|u| u.length()).fold(0.0, f64::max);
-        let (commands, report) = (user.frame.commands.len(), report.clone());
-        outcome.frames.push(FrameNote { report, gpu, commands, core_ms, allocations, displaced });
+        let changed = outcome.frames.is_empty() || !report.edits.is_empty();
+        outcome.frames.push(FrameNote {
+            report: report.clone(),
+            gpu,
+            commands: user.frame.commands.len(),
+            core_ms,
+            allocations,
+            displaced,
+            focused: headset.life.listens(),
+            placement: Some(placement),
+            faces: app.scene.tissues().map(|(_, t)| t.mesh().face_count()).sum(),
+            edit_hash: changed.then(|| app.scene.edit_hash()),
+            panel,
+        });
     }
     app.give_back(report);
     Ok(shown)
