@@ -233,6 +233,19 @@ pub enum Dexterity {
     Right,
 }
 
+/// Whether both eyes are drawn in one pass.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Multiview {
+    /// Where the adapter does that well.
+    #[default]
+    Auto,
+    /// Wherever the adapter can.
+    On,
+    /// Never: a pass for each eye.
+    Off,
+}
+
 /// The headset. Metres here are metres in the room.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -251,6 +264,8 @@ pub struct VrSettings {
     pub refresh_rate: f64,
     /// How far the eyes' pictures may shrink while the GPU does not keep up: share of each side. 1 keeps them whole.
     pub resolution_floor: f64,
+    /// Whether both eyes are drawn in one pass.
+    pub multiview: Multiview,
     /// Shows one eye in a window, too, where there is a display.
     pub mirror: bool,
     /// How long a runtime that has stopped is waited for, seconds; then the work is saved and the program ends.
@@ -267,6 +282,7 @@ impl Default for VrSettings {
             snap_turn: 0.5,
             refresh_rate: 0.0,
             resolution_floor: 0.6,
+            multiview: Multiview::Auto,
             mirror: true,
             return_time: 5.0,
         }
@@ -444,12 +460,20 @@ mod tests {
     }
 
     #[test]
+    fn eyes_are_drawn_as_the_file_says() {
+        let given = |text: &str| Config::parse(text, "x").unwrap().vr.multiview;
+        assert_eq!(given("[vr]\nmultiview = \"on\""), Multiview::On);
+        assert_eq!((given("[vr]\nmultiview = \"off\""), given("[vr]")), (Multiview::Off, Multiview::Auto));
+    }
+
+    #[test]
     fn errors_name_the_line_or_the_key() {
         let error = |text: &str| Config::parse(text, "my.toml").unwrap_err().to_string();
         let unknown = error("[tear]\nwidth = 0.1\nwidht = 0.2\n");
         assert!(unknown.contains("my.toml") && unknown.contains("line 3") && unknown.contains("widht"), "{unknown}");
         assert!(error("[tera]\n").contains("line 1"));
         assert!(error("[tear]\nwall = \"ajar\"").contains("line 2"));
+        assert!(error("[vr]\nmultiview = true").contains("line 2"));
         for (text, key) in [
             ("[tear]\nwidth = nan", "tear.width"),
             ("[tear]\nwidth = -0.1", "tear.width"),

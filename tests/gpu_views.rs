@@ -202,6 +202,11 @@ fn smooth_targets_have_four_samples_and_others_one() {
 #[test]
 fn an_adapter_without_multiview_draws_stereo_all_the_same() {
     assert!(!plain_context().draws_views_at_once(2, 1));
+    // asked for or not, there it is a pass each
+    assert!([Passes::Auto, Passes::AtOnce, Passes::Each].iter().all(|p| !p.at_once(&plain_context(), 2, 1)));
+    let ours = context();
+    let (has, samples) = (draws_views_at_once(&ours), ours.samples());
+    assert!(Passes::AtOnce.at_once(&ours, 2, samples) == has && !Passes::Each.at_once(&ours, 2, samples));
     let plain = pictures(&mut renderer(plain_context()), &eyes(), &DrawOptions::default());
     let usual = pictures(&mut renderer(context()), &eyes(), &DrawOptions { passes: Passes::Each, ..Default::default() });
     // positions come from the CPU there, with other roundings

@@ -9,6 +9,8 @@ mod buttons;
 mod driver;
 #[path = "vr/failures.rs"]
 mod failures;
+#[path = "vr/multiview.rs"]
+mod multiview;
 #[path = "vr/panel.rs"]
 mod panel;
 #[path = "vr/remote.rs"]

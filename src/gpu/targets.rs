@@ -113,6 +113,18 @@ pub enum Passes {
     Each,
 }
 
+impl Passes {
+    /// True if so many views, a layer each, are drawn at once, with so many samples.
+    pub fn at_once(self, context: &Context, views: usize, samples: u32) -> bool {
+        let wanted = match self {
+            Self::Auto => context.prefers_views_at_once(),
+            Self::AtOnce => true,
+            Self::Each => false,
+        };
+        wanted && context.draws_views_at_once(views as u32, samples)
+    }
+}
+
 /// How a pass reaches the views of a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PassKind {
@@ -157,13 +169,7 @@ impl TargetPool {
         passes: Passes,
     ) -> (PipelineKey, usize) {
         let most = if target.smooth { context.samples_of(target.colour.format) } else { 1 };
-        let wanted = match passes {
-            Passes::Auto => context.prefers_views_at_once(),
-            Passes::AtOnce => true,
-            Passes::Each => false,
-        };
-        let possible = views == target.colour.layers() && context.draws_views_at_once(views as u32, most);
-        let multiview = views > 1 && wanted && possible;
+        let multiview = views > 1 && views == target.colour.layers() && passes.at_once(context, views, most);
         let samples = if views > 1 && !multiview && !context.resolves_into_layers() { 1 } else { most };
         let key = PipelineKey { format: Some(target.colour.format), samples, views: if multiview { views as u32 } else { 1 } };
         self.clock += 1;

@@ -13,7 +13,7 @@ use super::runtime::Runtime;
 use super::space::{Placement, Pose};
 use super::swapchain::Images;
 use crate::app::{FrameCounters, FrameTarget, FrameView};
-use crate::config::VrSettings;
+use crate::config::{Multiview, VrSettings};
 use crate::diagnostics::Stages;
 use crate::gpu::{
     Bounds, DrawOptions, Fov, Instrument, LineSegment, Passes, RenderTarget, Scenery, ViewPose, ViewSet, VisibilityMask,
@@ -50,6 +50,8 @@ pub struct Headset {
     masks: Vec<VisibilityMask>,
     /// How much of the pictures is drawn.
     fit: Fit,
+    /// Whether both eyes are drawn in one pass.
+    passes: Passes,
     events: xr::EventDataBuffer,
     /// Where the session stands.
     pub life: Lifecycle,
@@ -106,6 +108,7 @@ impl Headset {
             blend,
             masks: Vec::new(),
             fit: Fit::new(settings.resolution_floor),
+            passes: passes(settings.multiview),
             events: xr::EventDataBuffer::new(),
             life: Lifecycle::default(),
             base_name,
@@ -113,6 +116,9 @@ impl Headset {
         };
         headset.load_masks();
         headset.compile()?;
+        if headset.passes == Passes::AtOnce && !headset.multiview() {
+            tracing::warn!("vr.multiview is \"on\", but {} cannot draw both eyes at once: a pass for each", headset.adapter());
+        }
         if !headset.mirror.renderer_mut().set_timing(true) {
             tracing::info!("this adapter tells no times, so pictures keep their size");
         }
@@ -124,7 +130,7 @@ impl Headset {
         let Some(images) = &self.images else { return Ok(()) };
         let depth = self.depth.as_ref().map(|d| d.target(0));
         let target = RenderTarget { depth, ..RenderTarget::new(images.target(0)) };
-        Ok(self.mirror.renderer_mut().compile_for(&target, 2, Passes::Auto)?)
+        Ok(self.mirror.renderer_mut().compile_for(&target, 2, self.passes)?)
     }
 
     /// Another scene: nothing that was drawn is of use any more.
@@ -140,8 +146,7 @@ impl Headset {
     /// True if both eyes are drawn in one pass.
     pub fn multiview(&self) -> bool {
         let context = &self.graphics.context;
-        let can = self.images.as_ref().is_some_and(|i| context.draws_views_at_once(2, context.samples_of(i.format())));
-        can && context.prefers_views_at_once()
+        self.images.as_ref().is_some_and(|i| self.passes.at_once(context, 2, context.samples_of(i.format())))
     }
 
     /// True if the compositor is told how far away things are.
@@ -324,6 +329,15 @@ fn base_space(runtime: &Runtime, session: &xr::Session<xr::Vulkan>) -> Result<(x
     Ok((session.create_reference_space(kind, xr::Posef::IDENTITY).named("the space of the room")?, name))
 }
 
+/// How the eyes are to be drawn.
+fn passes(multiview: Multiview) -> Passes {
+    match multiview {
+        Multiview::Auto => Passes::Auto,
+        Multiview::On => Passes::AtOnce,
+        Multiview::Off => Passes::Each,
+    }
+}
+
 /// As the runtime recommends, both eyes alike: they are layers of one image.
 fn eye_size(views: &[xr::ViewConfigurationView]) -> (u32, u32) {
     let largest = |side: fn(&xr::ViewConfigurationView) -> u32| views.iter().map(side).max().unwrap_or(0).clamp(1, LARGEST);
@@ -420,8 +434,8 @@ impl EyeTarget<'_> {
             }
         };
         let instruments = self.instruments;
-        let options = DrawOptions { lines, instruments, scenery: scenery(view.scene), ..DrawOptions::default() };
-        let Headset { mirror, images, depth, graphics, masks, fit, refresh_hz, .. } = &mut *self.headset;
+        let Headset { mirror, images, depth, graphics, masks, fit, refresh_hz, passes, .. } = &mut *self.headset;
+        let options = DrawOptions { lines, instruments, scenery: scenery(view.scene), passes: *passes, ..DrawOptions::default() };
         let Some(images) = images else { return Ok(elsewhere) };
         let context = graphics.context.clone();
         let times = mirror.renderer_mut().gpu_times();
