@@ -9,6 +9,8 @@ mod buttons;
 mod driver;
 #[path = "vr/failures.rs"]
 mod failures;
+#[path = "vr/focus.rs"]
+mod focus;
 #[path = "vr/multiview.rs"]
 mod multiview;
 #[path = "vr/panel.rs"]

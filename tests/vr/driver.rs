@@ -32,6 +32,8 @@ pub struct Led {
     pub pitch: f32,
     /// What the GPU is to have taken for a frame, milliseconds; 0 leaves the pictures whole.
     pub gpu_ms: f64,
+    /// False while a runtime's menu has the hands.
+    pub focused: bool,
     hands: [Controller; 2],
     frames: usize,
 }
@@ -63,6 +65,7 @@ impl Led {
             high: DVec3::ZERO,
             pitch: 0.0,
             gpu_ms: 0.0,
+            focused: true,
             hands: [away; 2],
             frames: 0,
         };
@@ -113,7 +116,13 @@ impl Led {
 
     /// One frame with the hands as they are.
     pub fn frame(&mut self, capture: bool) {
+        self.frame_after(capture, || ());
+    }
+
+    /// The same; something is done while the program waits for the frame's input, which it sees in the next frame.
+    pub fn frame_after(&mut self, capture: bool, meanwhile: impl FnOnce()) {
         self.asks();
+        meanwhile();
         // No two packets that follow each other are alike, so that what the program sees is this one and its buttons.
         let mut hands = self.hands;
         hands[0].position[0] += TICK * (self.frames % 2) as f32;
@@ -153,10 +162,10 @@ impl Led {
         self.say("pass");
     }
 
-    /// The program asks for a frame's input: it has focus, and the frame before is with the compositor.
+    /// The program asks for a frame's input: it has focus, or has not where that was taken, and the frame before is with the compositor.
     fn asks(&mut self) {
         let line = self.line();
-        assert_eq!(line, format!("frame {}", self.frames));
+        assert_eq!(line, format!("frame {}{}", self.frames, if self.focused { "" } else { " unfocused" }));
         self.frames += 1;
     }
 

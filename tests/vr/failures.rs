@@ -1,7 +1,7 @@
 //! What is missing is named, and what was done is kept.
 
 use super::driver::{Led, log_of};
-use super::service::{Compositor, HANG, Kept, Service, complaint, finish, within};
+use super::service::{Compositor, HANG, Kept, Service, compile, complaint, finish, within};
 use glam::DVec3;
 use std::process::Command;
 
@@ -20,11 +20,7 @@ fn refusal(service: &Service, more: &[(&str, &str)]) -> String {
 
 /// The manifest of a runtime without a headset, made in the service's folder.
 fn runtime_without_headset(service: &Service) -> String {
-    let library = service.folder.join("libbare_runtime.so");
-    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vr/bare_runtime.c");
-    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".into());
-    let made = Command::new(compiler).args(["-shared", "-fPIC", "-o"]).arg(&library).arg(source).status();
-    assert!(made.expect("a C compiler").success());
+    let library = compile(service, "bare_runtime.c", &[]);
     let manifest = service.folder.join("bare_runtime.json");
     let library = library.display();
     std::fs::write(&manifest, format!(r#"{{"file_format_version":"1.0.0","runtime":{{"library_path":"{library}"}}}}"#))

@@ -271,6 +271,16 @@ impl Drop for Service {
     }
 }
 
+/// Makes a shared library of a source in C beside this one, in the service's folder.
+pub fn compile(service: &Service, source: &str, flags: &[&str]) -> PathBuf {
+    let library = service.folder.join(source).with_extension("so");
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/vr").join(source);
+    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".into());
+    let made = Command::new(compiler).args(["-shared", "-fPIC", "-o"]).arg(&library).arg(source).args(flags).status();
+    assert!(made.expect("a C compiler").success());
+    library
+}
+
 /// Runs it to its end.
 pub fn finish(command: &mut Command) -> Output {
     command.stdin(Stdio::null()).output().expect("it starts")

@@ -46,12 +46,22 @@ const NEAR: f64 = 0.06;
 
 /// A pull with hysteresis.
 #[derive(Clone, Copy, Debug, Default)]
-struct Pull(bool);
+struct Pull {
+    pulled: bool,
+    /// What it was pulled for is over: it counts again once it has been let go.
+    spent: bool,
+}
 
 impl Pull {
     fn update(&mut self, value: f64) -> bool {
-        self.0 = value > if self.0 { PULLED.1 } else { PULLED.0 };
-        self.0
+        self.spent &= value > PULLED.1;
+        self.pulled = !self.spent && value > if self.pulled { PULLED.1 } else { PULLED.0 };
+        self.pulled
+    }
+
+    fn end(&mut self) {
+        self.spent |= self.pulled;
+        self.pulled = false;
     }
 }
 
@@ -81,7 +91,8 @@ impl Grip {
         self.forceps.open(out);
         self.fist.release(out);
         (self.plane, self.holds, self.squeezes) = (None, None, false);
-        (self.tear, self.grab) = (Pull::default(), Pull::default());
+        self.tear.end();
+        self.grab.end();
     }
 
     /// True while its tool is in the middle of something.
@@ -249,7 +260,14 @@ impl Hands {
         std::mem::swap(&mut left.tool, &mut right.tool);
     }
 
-    /// Ends everything that is in progress: focus was lost, the headset came off.
+    /// The hands are somebody else's, or nobody's: what is in progress ends, and a trigger that is held when they come back, as one is
+    /// that has just pressed on the runtime's menu, does nothing until it has been let go.
+    pub fn step_away(&mut self, out: &mut Vec<EditCommand>) {
+        self.put_down(out);
+        self.grips.iter_mut().for_each(|grip| (grip.tear.spent, grip.grab.spent) = (true, true));
+    }
+
+    /// Ends everything that is in progress. A trigger that is held meanwhile is to be let go before it begins something else.
     pub fn put_down(&mut self, out: &mut Vec<EditCommand>) {
         self.grips.iter_mut().for_each(|grip| grip.put_down(out));
         self.held_from = None;

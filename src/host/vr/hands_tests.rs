@@ -202,8 +202,29 @@ fn the_panel_s_triggers_and_lost_focus_tear_nothing() {
         desk.frame();
     }
     let mut commands = Vec::new();
-    desk.hands.put_down(&mut commands);
+    desk.hands.step_away(&mut commands);
     assert!(matches!(commands[..], [EditCommand::StrokeEnd]) && !desk.hands.is_busy());
+}
+
+#[test]
+fn a_trigger_that_is_held_when_the_hands_come_back_is_let_go_first() {
+    let mut desk = Desk::new(VrSettings::default());
+    let mut commands = Vec::new();
+    desk.hands.step_away(&mut commands);
+    desk.stroke(1, 1.0);
+    assert!(commands.is_empty() && desk.reports.is_empty(), "it was pulled for the runtime's menu");
+    desk.stroke(1, 1.0);
+    assert_eq!(desk.outcomes(), ["torn"], "let go and pulled, it tears");
+    // and so where a button ends what the trigger was in the middle of
+    tearing(&mut desk, 1);
+    desk.input.undo = true;
+    desk.frame();
+    desk.input.undo = false;
+    let reports = desk.reports.len();
+    desk.stroke(1, 1.0);
+    assert_eq!(desk.reports.len(), reports, "{:?}", desk.outcomes());
+    desk.stroke(1, 1.0);
+    assert_eq!(desk.outcomes().last(), Some(&"torn"));
 }
 
 /// The blade in the front of the sphere, some way along a stroke.

@@ -6,6 +6,7 @@
 //! |---|---|---|
 //! | program | `ready {json}` | the session has focus; where the model stands |
 //! | program | `frame N` | frame N waits for its input |
+//! | program | `frame N unfocused` | the same while the runtime's own menu has the hands: what the driver expects is not waited for |
 //! | driver | `expect` and 10 numbers, maybe `gpu` and one more, maybe `capture` | left hand x y z trigger squeeze, right hand the same; milliseconds that the GPU is to have taken; keep this frame's pictures |
 //! | driver | `pass` | nothing moves in this frame: it is for what the runtime has to say |
 //! | driver | `quit` | leave |
@@ -76,9 +77,9 @@ impl Lockstep {
         self.say(&format!("ready {what}"))
     }
 
-    /// Asks for a frame's input.
-    pub fn input(&mut self) -> Result<Expected, VrError> {
-        self.say(&format!("frame {}", self.frames))?;
+    /// Asks for a frame's input, which is ours to see or, while the runtime's menu is open, not.
+    pub fn input(&mut self, focused: bool) -> Result<Expected, VrError> {
+        self.say(&format!("frame {}{}", self.frames, if focused { "" } else { " unfocused" }))?;
         self.frames += 1;
         let mut line = String::new();
         self.lines.read_line(&mut line).map_err(broken)?;

@@ -186,13 +186,14 @@ impl User {
     /// completed.
     fn put_down(&mut self, app: &mut App, outcome: &mut VrOutcome) {
         self.clock.pause();
-        let Some(hands) = self.hands.as_mut().filter(|h| h.is_busy()) else { return };
+        let Some(hands) = &mut self.hands else { return };
         let mut commands = Vec::new();
-        hands.put_down(&mut commands);
+        hands.step_away(&mut commands);
         for command in commands {
             let edits = app.scene.edit(command);
-            if let Some(last) = outcome.frames.last_mut() {
+            if let Some(last) = outcome.frames.last_mut().filter(|_| !edits.is_empty()) {
                 last.report.edits.extend(edits);
+                last.edit_hash = Some(app.scene.edit_hash());
             }
         }
     }
@@ -230,7 +231,8 @@ fn session(
         }
         let state = headset.wait()?;
         headset.input.sync(&headset.session)?;
-        let led = if headset.life.listens() && !user.leaving { led(headset, app, user, &state)? } else { Led::Free };
+        let asks = headset.life.listens() || (headset.life.is_seen() && user.hands.is_some());
+        let led = if asks && !user.leaving { led(headset, app, user, &state)? } else { Led::Free };
         headset.begin()?;
         if let Led::Quit = led {
             leave(headset, user)?;
@@ -242,11 +244,10 @@ fn session(
             outcome.rested += u64::from(!user.leaving);
             continue;
         }
-        let asked = if let Led::Asked(asked) = led { asked } else { Asked::default() };
-        let shown = if user.lockstep.is_some() && (matches!(led, Led::Pass) || !headset.life.listens()) {
-            look_only(headset, app, user, &state)?
-        } else {
-            frame(headset, app, user, &state, asked, options, outcome)?
+        let shown = match led {
+            Led::Asked(asked) => frame(headset, app, user, &state, asked, options, outcome)?,
+            Led::Free if user.lockstep.is_none() => frame(headset, app, user, &state, Asked::default(), options, outcome)?,
+            _ => look_only(headset, app, user, &state)?,
         };
         headset.end(&state, shown.as_ref(), user.desk.as_ref().map(|d| &d.board).filter(|b| b.is_open()))?;
         if let Some(mirror) = &mut user.mirror {
@@ -297,11 +298,14 @@ fn led(headset: &Headset, app: &App, user: &mut User, state: &openxr::FrameState
         let (low, high) = app.scene.bounds();
         lockstep.ready(&format!(r#"{{"low":{:?},"high":{:?}}}"#, low.to_array(), high.to_array()))?;
     }
-    match lockstep.input()? {
+    let focused = headset.life.listens();
+    match lockstep.input(focused)? {
         Expected::Quit => Ok(Led::Quit),
         Expected::Pass => Ok(Led::Pass),
         Expected::Hands(wanted, asked) => {
-            wait_until_seen(&wanted, || headset.look_at_hands(state.predicted_display_time))?;
+            if focused {
+                wait_until_seen(&wanted, || headset.look_at_hands(state.predicted_display_time))?;
+            }
             Ok(Led::Asked(asked))
         }
     }
@@ -406,7 +410,7 @@ fn frame(
         // The runtime's own menu is open: the scene goes on, the hands are the menu's.
         user.output = HandsOutput { commands: std::mem::take(&mut user.output.commands), ..HandsOutput::default() };
         user.output.commands.clear();
-        hands.put_down(&mut user.output.commands);
+        hands.step_away(&mut user.output.commands);
         drop(headset.hands(time).map(|_: HandsInput| ()));
     }
     let placement = *hands.placement();
