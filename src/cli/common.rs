@@ -4,7 +4,10 @@ use super::CliError;
 use crate::config::Config;
 use crate::formats::{self, FormatError, Model};
 #[cfg(any(feature = "desktop", feature = "vr"))]
-use crate::host::models::{Loaded, Request, Tell};
+use crate::host::{
+    models::{Loaded, Request, Tell},
+    writer::Encode,
+};
 use crate::input::ParticleOverrides;
 use crate::particles::ParticleSettings;
 use crate::physics::NetworkSettings;
@@ -216,11 +219,20 @@ pub fn live_model(request: &Request, tell: Tell) -> Result<Loaded, CliError> {
     Ok(Loaded { scene, name: name.clone(), warnings })
 }
 
-/// Writes the scene as .glb: pieces are nodes of their own.
+/// The scene as .glb, pieces as nodes of their own: taken as it is now, encoded later.
 #[cfg(any(feature = "desktop", feature = "vr"))]
-pub fn export(scene: &Scene, file: &Path) -> Result<(), String> {
-    let (bytes, _) = scene_glb(scene).map_err(CliError::into_message)?;
-    write_file(file, &bytes).map_err(CliError::into_message)
+pub fn export(scene: &Scene) -> Encode {
+    let first = scene.tissues().next().map(|(_, t)| (t.rig().clone(), t.pose().clone()));
+    let pieces: Vec<_> = scene.tissues().map(|(_, t)| (t.mesh().clone(), t.rows().clone(), t.materials().clone())).collect();
+    let names = piece_names(scene);
+    Box::new(move || {
+        let Some((rig, pose)) = first else { return Err("the scene is empty".into()) };
+        let mut nodes = Vec::with_capacity(pieces.len());
+        for ((mesh, rows, materials), name) in pieces.iter().zip(&names) {
+            nodes.push(formats::ExportPiece { name, mesh, rows, materials });
+        }
+        formats::export_glb(&rig, &nodes, &pose).map(|(bytes, _)| bytes).map_err(|e| e.to_string())
+    })
 }
 
 /// Names of the scene's tissues as files call them: the model's own, and pieces by number.

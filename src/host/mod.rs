@@ -12,6 +12,8 @@ pub mod models;
 pub mod spectator;
 #[cfg(feature = "vr")]
 pub mod vr;
+#[cfg(any(feature = "desktop", feature = "vr"))]
+pub mod writer;
 
 /// True if there seems to be a display: what plain `incise` decides by.
 #[cfg(any(feature = "desktop", feature = "vr"))]

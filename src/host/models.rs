@@ -1,6 +1,7 @@
 //! Models that a user opens while a host runs, and what a panel does to the scene that is there: the same for a window and for
 //! a headset.
 
+use super::writer::{Encode, Order, Wake};
 use crate::app::App;
 use crate::config::Config;
 use crate::panel::{PanelState, Progress};
@@ -35,11 +36,8 @@ pub struct Loaded {
 pub type Tell<'a> = &'a dyn Fn(&'static str, f32);
 /// Loads a model; the error names the remedy. Called on another thread.
 pub type Load = Arc<dyn Fn(&Request, Tell) -> Result<Loaded, String> + Send + Sync>;
-/// Writes a scene to a file.
-pub type Export = fn(&Scene, &Path) -> Result<(), String>;
-
-/// Called on the loader's thread when there is something to take.
-pub type Wake = Box<dyn Fn() + Send>;
+/// Takes of a scene what a file needs; the frame goes on meanwhile.
+pub type Export = fn(&Scene) -> Encode;
 
 /// What the loader's thread says.
 enum Word {
@@ -164,37 +162,17 @@ pub fn apply_settings(app: &mut App, panel: &mut PanelState) {
     }
 }
 
-/// Writes the scene to export.glb in the current folder; the panel says how that went.
-pub fn export(scene: &Scene, export: Export, panel: &mut PanelState) {
-    let file = Path::new("export.glb");
-    match export(scene, file) {
-        Ok(()) => panel.tell(format!("Written: {}", file.display())),
-        Err(why) => panel.fail(format!("{why}; start Incise where you may write")),
-    }
+/// The scene as it is now, to be written to export.glb in the current folder.
+pub fn export(scene: &Scene, export: Export) -> Order {
+    Order::Model("export.glb".into(), export(scene))
 }
 
-/// Writes the panel's settings to a file, whose words and comments stay; the panel says how that went.
-pub fn save_config(file: &Path, panel: &mut PanelState) {
+/// The panel's settings as they are now, to be written to a file, whose words and comments stay.
+pub fn save_config(file: &Path, panel: &mut PanelState) -> Order {
     if panel.spacing.is_some() {
         panel.config.particles.count = (panel.counts[2] as u32).max(1);
     }
-    let written = read_if_there(file).and_then(|text| {
-        let text = panel.config.rewrite(text.as_deref(), &file.display().to_string()).map_err(|e| e.to_string())?;
-        std::fs::write(file, text).map_err(|e| format!("cannot write {}: {e}; start Incise where you may write", file.display()))
-    });
-    match written {
-        Ok(()) => panel.tell(format!("Written: {}", file.display())),
-        Err(why) => panel.fail(format!("{why}\n\nThe settings were not saved.")),
-    }
-}
-
-/// The text of a file; `None` if there is no such file.
-fn read_if_there(file: &Path) -> Result<Option<String>, String> {
-    match std::fs::read_to_string(file) {
-        Ok(text) => Ok(Some(text)),
-        Err(why) if why.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(why) => Err(format!("cannot read {}: {why}", file.display())),
-    }
+    Order::Settings(file.to_path_buf(), Box::new(panel.config.clone()))
 }
 
 #[cfg(test)]
@@ -269,17 +247,5 @@ mod tests {
         loader.begin(&breaks, request, Box::new(|| ()), &mut panel);
         assert!(answer(&mut loader, &mut panel).0.is_none() && panel.loading.is_none());
         assert!(panel.notice.is_some_and(|n| n.error && n.text.contains("broke off")));
-    }
-
-    #[test]
-    fn settings_that_cannot_be_written_say_so() {
-        let mut panel = PanelState::default();
-        save_config(Path::new("/no/such/folder/config.toml"), &mut panel);
-        assert!(panel.notice.take().is_some_and(|n| n.error && n.text.contains("/no/such/folder")));
-        let folder = tempfile::tempdir().expect("a folder");
-        let file = folder.path().join("config.toml");
-        panel.config.vr.tip_offset = [0.01, -0.02, -0.2];
-        save_config(&file, &mut panel);
-        assert_eq!(Config::load(&file).expect("it can be read").vr.tip_offset, [0.01, -0.02, -0.2]);
     }
 }

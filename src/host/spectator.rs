@@ -19,6 +19,8 @@ use winit::window::{Window, WindowId};
 const PATIENCE: Duration = Duration::from_secs(5);
 /// A surface that no longer fits, or has nothing to give, is asked again after this.
 const AGAIN: Duration = Duration::from_millis(500);
+/// Doublings of that, at most, while fitting it does not help.
+const MOST_DOUBLINGS: u32 = 6;
 
 /// What is asked of the window's thread.
 enum Ask {
@@ -37,11 +39,20 @@ enum Answer {
     Open(EventLoopProxy<Ask>),
     Surface(Arc<wgpu::Surface<'static>>, (u32, u32)),
     Frame(wgpu::SurfaceTexture),
-    /// The surface does not fit the window any more, whose size this is, or has nothing to give.
-    Nothing((u32, u32)),
+    Nothing(Lack),
     Detached,
     /// There is no window, or no surface of it.
     Refused(String),
+}
+
+/// Why there is nothing to draw into.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lack {
+    /// The window is hidden, or its pictures are all in use: there will be something again by itself.
+    ForNow,
+    /// The surface does not fit the window any more, whose size this is. Fitting it waits until the GPU has nothing to do, and the
+    /// headset waits, too: its queue is the same.
+    Unfit((u32, u32)),
 }
 
 /// A device's hold on the window.
@@ -53,8 +64,10 @@ struct Attached {
     config: wgpu::SurfaceConfiguration,
     /// Something was asked for and has not come yet.
     asked: bool,
-    /// Ask again then.
-    again: Option<Instant>,
+    /// Ask again then, and fit the surface to the window before if this is true.
+    again: Option<(Instant, bool)>,
+    /// So often it was fitted in a row, and gave nothing all the same.
+    unfit: u32,
 }
 
 /// Something to draw into.
@@ -115,23 +128,24 @@ impl Spectator {
                 }
                 Answer::Frame(frame) => {
                     if let Some(attached) = &mut self.attached {
-                        (attached.frame, attached.asked) = (Some(frame), false);
+                        (attached.frame, attached.asked, attached.unfit) = (Some(frame), false, 0);
                     }
                 }
-                Answer::Nothing(size) => {
+                Answer::Nothing(lack) => {
                     if let Some(attached) = &mut self.attached {
-                        attached.asked = false;
-                        (attached.config.width, attached.config.height) = (size.0.max(1), size.1.max(1));
-                        attached.again = Some(Instant::now() + AGAIN);
+                        attached.lacks(lack);
                     }
                 }
                 Answer::Refused(why) => return Err(why),
                 Answer::Open(_) | Answer::Detached => {}
             }
         }
-        if let Some(attached) = self.attached.as_mut().filter(|a| a.again.is_some_and(|at| at <= Instant::now())) {
+        let due = self.attached.as_ref().and_then(|a| a.again).filter(|(at, _)| *at <= Instant::now());
+        if let (Some((_, fit)), Some(attached)) = (due, &mut self.attached) {
             attached.again = None;
-            attached.surface.configure(attached.context.device(), &attached.config);
+            if fit {
+                attached.surface.configure(attached.context.device(), &attached.config);
+            }
             self.ask_for_frame();
         }
         let Some(attached) = &mut self.attached else { return Ok(None) };
@@ -215,8 +229,35 @@ impl Attached {
             view_formats: Vec::new(),
         };
         surface.configure(context.device(), &config);
-        Ok(Self { context, surface, config, frame: None, asked: false, again: None })
+        Ok(Self { context, surface, config, frame: None, asked: false, again: None, unfit: 0 })
     }
+
+    /// The surface has given nothing.
+    fn lacks(&mut self, lack: Lack) {
+        self.asked = false;
+        self.again = Some(match lack {
+            Lack::ForNow => (Instant::now() + AGAIN, false),
+            Lack::Unfit(size) => {
+                (self.config.width, self.config.height) = (size.0.max(1), size.1.max(1));
+                self.unfit += 1;
+                (Instant::now() + before_fitting(self.unfit), true)
+            }
+        });
+    }
+}
+
+/// How long to wait before the surface is fitted to the window, for so many times in a row that it did not fit.
+fn before_fitting(times: u32) -> Duration {
+    AGAIN * 2u32.pow(times.saturating_sub(1).min(MOST_DOUBLINGS))
+}
+
+/// What a surface that gave no picture lacks, for a window of this size. One that is minimised cannot be fitted to.
+fn lack(given: &wgpu::CurrentSurfaceTexture, minimised: bool, size: (u32, u32)) -> Lack {
+    use wgpu::CurrentSurfaceTexture::{Occluded, Timeout};
+    if minimised || size.0 == 0 || size.1 == 0 || matches!(given, Timeout | Occluded) {
+        return Lack::ForNow;
+    }
+    Lack::Unfit(size)
 }
 
 /// How pictures are shown without waiting for the display's clock. Errors: all ways wait.
@@ -254,6 +295,10 @@ impl Onlooker {
         drop(self.answers.send(answer)); // who does not listen has left
     }
 
+    fn is_minimised(&self) -> bool {
+        self.window.as_ref().and_then(|w| w.is_minimized()).unwrap_or(false)
+    }
+
     fn inner_size(&self) -> (u32, u32) {
         self.window.as_ref().map_or(self.size, |w| w.inner_size().into())
     }
@@ -280,7 +325,7 @@ impl Onlooker {
         let Some(surface) = &self.surface else { return };
         self.answer(match surface.get_current_texture() {
             wgpu::CurrentSurfaceTexture::Success(frame) | wgpu::CurrentSurfaceTexture::Suboptimal(frame) => Answer::Frame(frame),
-            _ => Answer::Nothing(self.inner_size()),
+            none => Answer::Nothing(lack(&none, self.is_minimised(), self.inner_size())),
         });
     }
 }
@@ -348,6 +393,20 @@ impl ApplicationHandler<Ask> for Onlooker {
 mod tests {
     use super::*;
     use wgpu::PresentMode;
+
+    #[test]
+    fn a_window_that_is_hidden_is_not_fitted_to_and_others_ever_more_seldom() {
+        use wgpu::CurrentSurfaceTexture::{Lost, Occluded, Outdated, Timeout};
+        let shown = (960, 720);
+        for given in [Outdated, Lost] {
+            assert_eq!(lack(&given, false, shown), Lack::Unfit(shown));
+            assert_eq!([lack(&given, true, shown), lack(&given, false, (0, 0))], [Lack::ForNow; 2], "minimised");
+        }
+        assert_eq!([lack(&Timeout, false, shown), lack(&Occluded, false, shown)], [Lack::ForNow; 2]);
+        let waits: Vec<Duration> = (1..20).map(before_fitting).collect();
+        assert_eq!(waits[0], AGAIN);
+        assert!(waits.windows(2).all(|w| w[1] >= w[0]) && waits[1] == 2 * AGAIN && waits[18] == 64 * AGAIN);
+    }
 
     #[test]
     fn the_display_s_clock_is_never_waited_for() {

@@ -2,7 +2,7 @@
 
 use super::buttons::{states, tear};
 use super::driver::{HEAD, Led, log_of};
-use super::service::{Compositor, Service};
+use super::service::{Compositor, Service, finish};
 use super::validation::Layers;
 use glam::{DQuat, DVec3};
 use incise::formats::BUNDLED;
@@ -119,4 +119,37 @@ fn the_panel_is_opened_pointed_at_and_pressed_and_costs_nothing_closed() {
             assert_eq!(cost, [0, 0], "frame {i}, in which no panel is open");
         }
     }
+}
+
+#[test]
+#[ignore = "scripts/test-vr runs it"]
+fn what_the_panel_has_written_is_written_behind_the_frames_back() {
+    let service = Service::start("files", Compositor::Null);
+    // The software driver's cache of what it has compiled would read files.
+    let arguments = ["heart", "--animation", "none", "--out", "out"];
+    let mut led = Led::start(&service, &arguments, &[("MESA_SHADER_CACHE_DISABLE", "true")]);
+    let board = placed(&Pose { position: DVec3::from_array(HEAD.map(f64::from)), rotation: DQuat::IDENTITY });
+    let outside = led.high + DVec3::new(0.0, 0.0, 3.0 * (led.high - led.low).z);
+    tear(&mut led, 0.1);
+    led.press_b(RIGHT);
+    let wanted = [PanelAction::SaveConfig, PanelAction::Export, PanelAction::Screenshot];
+    let places = wanted.map(|wanted| place_of(&shown(1), |action, _| *action == wanted));
+    let calls = led.file_calls();
+    assert!(calls > 0, "reads at the start are counted");
+    for at in places {
+        press(&mut led, outside, point_of(&board, at));
+    }
+    for _ in 0..5 {
+        led.frame(false);
+    }
+    let calls = led.file_calls() - calls;
+    let torn = led.report(&service);
+    assert_eq!(calls, 0, "reads and writes of files by the frames' thread");
+    let picture = image::open(service.folder.join("screenshots/incise-vr-0001.png")).expect("a picture");
+    assert_eq!(Some(u64::from(picture.width())), torn["eye_size"][0].as_u64());
+    let settings = std::fs::read_to_string(service.folder.join("config.toml")).expect("settings");
+    assert!(settings.contains("# the headset"), "with their comments");
+    let output = finish(&mut service.incise(&["inspect", "export.glb", "--json"]));
+    let model: Value = serde_json::from_slice(&output.stdout).expect("the model can be read");
+    assert_eq!(model["faces"], torn["edits"][0]["faces"], "the torn heart");
 }

@@ -4,7 +4,6 @@ mod dialog;
 mod in_hand;
 mod keys;
 mod panel_events;
-mod pictures;
 mod record;
 mod screen;
 mod session;

@@ -5,7 +5,8 @@ use super::record::{FrameNote, Inserted, StrokeNote, inserted_vertices};
 use super::{Loaded, Request, Setup};
 use crate::app::{App, FrameReport};
 use crate::gpu::{Bounds, Camera, GpuError};
-use crate::host::models::{self, Arrival, Loader, Wake};
+use crate::host::models::{self, Arrival, Loader};
+use crate::host::writer::{Order, Wake, Writer};
 use crate::input::tools::{OrbitCamera, PointerTools, Preview, ToolSettings};
 use crate::input::{CameraPose, InputFrame};
 use crate::panel::{PanelAction, PanelState, TimingRow};
@@ -45,6 +46,7 @@ pub struct Session {
     pub scene_changed: bool,
     setup: Setup,
     loader: Loader,
+    writer: Writer,
     /// Makes what wakes the window's loop from another thread.
     wake: Box<dyn Fn() -> Wake>,
     input: InputFrame,
@@ -79,6 +81,7 @@ impl Session {
             scene_changed: true,
             setup,
             loader: Loader::default(),
+            writer: Writer::default(),
             wake,
             input: InputFrame::default(),
             time_s: 0.0,
@@ -295,8 +298,11 @@ impl Session {
             PanelAction::Redo => self.command(EditCommand::Redo),
             PanelAction::Reset => self.command(EditCommand::Reset),
             PanelAction::Frame => self.frame_model(size),
-            PanelAction::Export => models::export(&self.app.scene, self.setup.export, &mut self.panel),
-            PanelAction::SaveConfig => models::save_config(&self.setup.config_file, &mut self.panel),
+            PanelAction::Export => self.write(models::export(&self.app.scene, self.setup.export)),
+            PanelAction::SaveConfig => {
+                let order = models::save_config(&self.setup.config_file, &mut self.panel);
+                self.write(order);
+            }
             PanelAction::Screenshot => self.wishes.push(Wish::Screenshot),
             PanelAction::Record(on) => self.panel.recording = on,
             PanelAction::SwapHands | PanelAction::PlaneTool(_) | PanelAction::Calibrate(_) => {} // a mouse has none of these
@@ -318,6 +324,18 @@ impl Session {
 
     fn load(&mut self, request: Request) {
         self.loader.begin(&self.setup.load, request, (self.wake)(), &mut self.panel);
+    }
+
+    /// Has a file written.
+    pub fn write(&mut self, order: Order) {
+        self.writer.order(order, (self.wake)());
+    }
+
+    /// Tells what has been written meanwhile.
+    pub fn take_written(&mut self) {
+        if self.writer.take(&mut self.panel) {
+            self.dirty = true;
+        }
     }
 
     /// Takes a model that has been loaded meanwhile. A broken one leaves the current one in place.

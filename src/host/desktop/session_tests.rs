@@ -38,7 +38,7 @@ fn session(file: &Path) -> (Session, Arc<Mutex<Vec<Request>>>) {
             tell("reading", 0.5);
             loaded(&request.model)
         }),
-        export: |_, _| Ok(()),
+        export: |_| Box::new(|| Ok(Vec::new())),
         started: Instant::now(),
         record: false,
         size: (800, 600),
@@ -109,20 +109,32 @@ fn other_particles_are_seen_from_where_the_model_was_and_another_model_is_not() 
     assert!((pose(&session).eye - turned.eye).length() > 0.1 && session.panel.spacing.is_none());
 }
 
+/// Saves the settings and waits for what is told of it.
+fn save(session: &mut Session) {
+    session.panel.notice = None;
+    session.act(PanelAction::SaveConfig, SIZE);
+    let start = Instant::now();
+    while session.panel.notice.is_none() {
+        assert!(start.elapsed().as_secs() < 60, "no word");
+        session.take_written();
+        std::thread::yield_now();
+    }
+}
+
 #[test]
 fn saved_settings_keep_the_files_words_and_a_broken_file_is_left_alone() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("config.toml");
     let (mut session, _) = session(&file);
-    session.act(PanelAction::SaveConfig, SIZE);
+    save(&mut session);
     let fresh = std::fs::read_to_string(&file).expect("written");
     assert!(fresh.contains("# what a tear looks like"), "a new file explains its keys");
     std::fs::write(&file, "# mine\n[tear]\ngap = 0.03 # wide\n").expect("written");
     session.panel.config.tear.gap = 0.05;
-    session.act(PanelAction::SaveConfig, SIZE);
+    save(&mut session);
     assert_eq!(std::fs::read_to_string(&file).expect("there"), "# mine\n[tear]\ngap = 0.05 # wide\n");
     std::fs::write(&file, "[tear\n").expect("written");
-    session.act(PanelAction::SaveConfig, SIZE);
+    save(&mut session);
     assert!(session.panel.notice.as_ref().is_some_and(|n| n.error && n.text.contains("not saved")));
     assert_eq!(std::fs::read_to_string(&file).expect("there"), "[tear\n");
 }

@@ -4,14 +4,13 @@ use super::dialog::{self, Answer};
 use super::in_hand;
 use super::keys::{self, KeyCommand};
 use super::panel_events::panel_on;
-use super::pictures::Pictures;
 use super::screen::{Acquired, Screen, Shot, WindowTarget};
 use super::session::{Session, Wish};
 use super::{DesktopError, DesktopRun, Loaded, Setup};
 use crate::diagnostics::Stages;
 use crate::gpu::GpuError;
 use crate::gpu::ui::UiFrame;
-use crate::host::models::Wake as WakeCall;
+use crate::host::writer::{Album, Order, Wake as WakeCall};
 use crate::input::tools::{Button, Modifiers};
 use crate::panel::{Panel, PanelAction, short_name};
 use std::sync::Arc;
@@ -33,7 +32,7 @@ const LEAST_SIZE: (u32, u32) = (480, 320);
 enum Wake {
     /// The panel wants to be drawn again after this long.
     Repaint(Duration),
-    /// A model has been loaded, or could not be.
+    /// A model has been loaded, or a file written, or could not be.
     Loaded,
     /// The system's dialog was answered.
     Chosen(Answer),
@@ -85,7 +84,8 @@ struct Live {
     unseen: bool,
     wake_at: Option<Instant>,
     last_frame: Instant,
-    pictures: Pictures,
+    /// Every frame was written, the last time that one was looked at.
+    recorded: bool,
     wants_shot: bool,
     /// A redraw has been asked for and has not come yet.
     asked: bool,
@@ -178,7 +178,7 @@ impl Live {
             unseen: false,
             wake_at: None,
             last_frame: Instant::now(),
-            pictures: Pictures::default(),
+            recorded: false,
             wants_shot: false,
             asked: true,
             pressed_panel: false,
@@ -444,6 +444,7 @@ impl Live {
         };
         self.unseen = false;
         self.session.take_loaded(self.size());
+        self.session.take_written();
         self.pressed_panel = false;
         let raw = self.events.take_egui_input(&self.window);
         let ui = self.panel.run(raw, &mut self.session.panel);
@@ -460,9 +461,8 @@ impl Live {
         self.session.take_panel_values();
         self.carry_out_wishes();
         let recording = self.session.panel.recording;
-        if !recording && let Some(words) = self.pictures.end_recording() {
-            self.session.panel.tell(words);
-            self.redraw();
+        if std::mem::replace(&mut self.recorded, recording) && !recording {
+            self.session.write(Order::EndRecording);
         }
         if std::mem::take(&mut self.session.scene_changed) {
             self.screen.forget();
@@ -500,7 +500,7 @@ impl Live {
                 }
                 self.session.frame_done(report, [self.canvas[0], self.canvas[1]]);
                 if let Some(shot) = shot {
-                    self.write_shot(&shot, recording);
+                    self.write_shot(shot, recording);
                 }
             }
             Err(why @ GpuError::Lost(_)) if self.losses == 3 => return Err(why.into()),
@@ -537,16 +537,9 @@ impl Live {
         dialog::ask(&self.window, move |answer| drop(proxy.send_event(Wake::Chosen(answer))));
     }
 
-    fn write_shot(&mut self, shot: &Shot, recording: bool) {
-        match self.pictures.write(shot, recording) {
-            Ok(_) if recording => return,
-            Ok(file) => self.session.panel.tell(format!("Written: {}", file.display())),
-            Err(why) => {
-                self.session.panel.recording = false;
-                self.session.panel.fail(why);
-            }
-        }
-        self.session.touch();
+    fn write_shot(&mut self, (width, height, pixels): Shot, recording: bool) {
+        let album = if recording { Album::Recording } else { Album::Screenshots };
+        self.session.write(Order::Picture { album, width, height, pixels });
     }
 
     fn finish(self) -> DesktopRun {

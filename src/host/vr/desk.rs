@@ -14,10 +14,10 @@ use crate::config::Dexterity;
 use crate::diagnostics::Stages;
 use crate::formats::BUNDLED;
 use crate::host::models::{self, Arrival, Loaded, Loader, Request};
+use crate::host::writer::{Album, Order, Writer};
 use crate::input::InputFrame;
 use crate::panel::{PanelAction, PanelState};
 use crate::scene::EditCommand;
-use std::path::Path;
 
 /// Step of a clock that stands, seconds.
 const SINGLE_STEP_S: f64 = 1.0 / 90.0;
@@ -41,9 +41,9 @@ pub struct Desk {
     /// The board.
     pub board: Board,
     loader: Loader,
+    writer: Writer,
     steps: u32,
     wants_picture: bool,
-    pictures: u32,
 }
 
 impl Desk {
@@ -58,7 +58,8 @@ impl Desk {
             ..PanelState::default()
         };
         describe(app, &mut state);
-        Self { board: Board::new(state), loader: Loader::default(), steps: 0, wants_picture: false, pictures: 0 }
+        let (loader, writer) = (Loader::default(), Writer::default());
+        Self { board: Board::new(state), loader, writer, steps: 0, wants_picture: false }
     }
 
     /// Seconds that the scene is to go on by, where the clock of the headset has gone on by `step_s`.
@@ -90,6 +91,7 @@ impl Desk {
             self.board.toggle(work.head);
             self.board.state.counts = models::counts(&work.app.scene);
         }
+        self.writer.take(&mut self.board.state);
         let changed = self.take_loaded(work);
         if changed {
             headset.forget_scene();
@@ -149,10 +151,10 @@ impl Desk {
                 hands.calibrate(on, &mut frame.commands);
             }
             PanelAction::Export => match options.export {
-                Some(export) => models::export(&app.scene, export, state),
+                Some(export) => self.writer.order(models::export(&app.scene, export), Box::new(|| ())),
                 None => state.fail("this build writes no models"),
             },
-            PanelAction::SaveConfig => models::save_config(&options.config_file, state),
+            PanelAction::SaveConfig => self.writer.order(models::save_config(&options.config_file, state), Box::new(|| ())),
             PanelAction::Screenshot => self.wants_picture = true,
             PanelAction::OpenDialog | PanelAction::Record(_) | PanelAction::Vsync(_) => {} // a window's; not on this board
         }
@@ -216,20 +218,11 @@ impl Desk {
         }
     }
 
-    /// Writes a picture that the user asked for, as the left eye sees it.
+    /// Has a picture written that the user asked for, as the left eye sees it.
     pub fn write_picture(&mut self, picture: &Capture) {
-        self.pictures += 1;
-        let folder = Path::new("screenshots");
-        let file = folder.join(format!("incise-vr-{:04}.png", self.pictures));
         let (width, height) = picture.size;
-        let written = std::fs::create_dir_all(folder).map_err(|e| e.to_string()).and_then(|()| {
-            image::save_buffer(&file, &picture.eyes[0], width, height, image::ColorType::Rgba8).map_err(|e| e.to_string())
-        });
-        let state = &mut self.board.state;
-        match written {
-            Ok(()) => state.tell(format!("Written: {}", file.display())),
-            Err(why) => state.fail(format!("cannot write {}: {why}; start Incise where you may write", file.display())),
-        }
+        let pixels = picture.eyes[0].clone();
+        self.writer.order(Order::Picture { album: Album::Headset, width, height, pixels }, Box::new(|| ()));
     }
 }
 
