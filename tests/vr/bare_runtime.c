@@ -1,5 +1,5 @@
 /* An OpenXR runtime without a headset: it has an instance and says, when asked for a head-mounted display, that there is none.
-   Monado always finds at least a simulated one. Declarations as in the OpenXR 1.0 specification and its loader interface. */
+   Monado always finds at least a simulated one. With HEADSET defined there is one that no session comes of: it draws with nothing. Declarations as in the OpenXR 1.0 specification and its loader interface. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
@@ -32,6 +32,14 @@ struct InstanceProperties {
     char name[128];
 };
 
+struct SystemProperties {
+    int32_t type;
+    void *next;
+    uint64_t system;
+    uint32_t vendor;
+    char name[256];
+};
+
 static Result list_extensions(const char *layer, uint32_t capacity, uint32_t *count, struct Extension *extensions) {
     (void)layer;
     *count = 1;
@@ -60,8 +68,21 @@ static Result get_properties(uint64_t instance, struct InstanceProperties *prope
 }
 
 static Result get_system(uint64_t instance, const void *info, uint64_t *system) {
-    (void)instance, (void)info, (void)system;
+    (void)instance, (void)info;
+#ifdef HEADSET
+    *system = 1;
+    return OK;
+#else
+    (void)system;
     return NO_SUCH_HEADSET;
+#endif
+}
+
+static Result get_system_properties(uint64_t instance, uint64_t system, struct SystemProperties *properties) {
+    (void)instance;
+    properties->system = system;
+    strcpy(properties->name, "Bare Headset");
+    return OK;
 }
 
 static Result refuse(void) { return UNSUPPORTED; }
@@ -77,6 +98,7 @@ static Result get_address(uint64_t instance, const char *name, Function *functio
         {"xrDestroyInstance", (Function)destroy_instance},
         {"xrGetInstanceProperties", (Function)get_properties},
         {"xrGetSystem", (Function)get_system},
+        {"xrGetSystemProperties", (Function)get_system_properties},
     };
     (void)instance;
     *function = (Function)refuse;

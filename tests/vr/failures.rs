@@ -18,9 +18,9 @@ fn refusal(service: &Service, more: &[(&str, &str)]) -> String {
     ours[0].to_string()
 }
 
-/// The manifest of a runtime without a headset, made in the service's folder.
-fn runtime_without_headset(service: &Service) -> String {
-    let library = compile(service, "bare_runtime.c", &[]);
+/// The manifest of a runtime made of bare_runtime.c, with these flags of the compiler's, in the service's folder.
+fn bare_runtime(service: &Service, flags: &[&str]) -> String {
+    let library = compile(service, "bare_runtime.c", flags);
     let manifest = service.folder.join("bare_runtime.json");
     let library = library.display();
     std::fs::write(&manifest, format!(r#"{{"file_format_version":"1.0.0","runtime":{{"library_path":"{library}"}}}}"#))
@@ -41,7 +41,7 @@ fn absences(service: &Service) -> [Absence; 4] {
     let set = |name, value: &str| Some((name, value.to_string()));
     let loader = set("INCISE_OPENXR_LOADER", "/no/such/loader.so");
     let runtime = set("XR_RUNTIME_JSON", "/no/such/runtime.json");
-    let headset = set("XR_RUNTIME_JSON", &runtime_without_headset(service));
+    let headset = set("XR_RUNTIME_JSON", &bare_runtime(service, &[]));
     let absence = |what, variable, sentence| Absence { what, variable, sentence };
     [
         absence("loader", loader, "no OpenXR loader was found (INCISE_OPENXR_LOADER=/no/such"),
@@ -104,6 +104,33 @@ fn plain_incise_opens_the_headset_and_without_one_a_window() {
     }
     let present = Service::start("present", Compositor::Null);
     Free::start(&present, "present", present.incise(&["-v"])).says("the session is FOCUSED");
+}
+
+#[test]
+#[ignore = "scripts/test-vr runs it"]
+fn plain_incise_goes_on_to_the_window_where_a_headset_gives_no_session() {
+    let service = Service::absent("no-session");
+    let display = service.display("desktop");
+    let runtime = bare_runtime(&service, &["-DHEADSET"]);
+    let sentence = "refused its Vulkan requirements";
+    let plain = |arguments: &[&str], shows: bool| {
+        let mut command = service.incise(arguments);
+        command.env("XR_RUNTIME_JSON", &runtime);
+        if shows {
+            command.env("DISPLAY", display.name());
+        }
+        command
+    };
+    let mut window = Free::start(&service, "window", plain(&["-v"], true));
+    window.says("first frame after");
+    assert!(window.said().contains(sentence), "{}", window.said());
+    // Whoever asks for the headset gets no window instead of it.
+    let said = refusal(&service, &[("XR_RUNTIME_JSON", &runtime), ("DISPLAY", display.name())]);
+    assert!(said.contains(sentence), "{said}");
+    // Without a display, too, plain incise goes on: to the demo.
+    let mut demo = Free::start(&service, "demo", plain(&[], false));
+    demo.says("headless demo");
+    assert!(demo.said().contains(sentence), "{}", demo.said());
 }
 
 /// A file of settings that has the program wait so many seconds for a runtime to come back.
