@@ -153,6 +153,23 @@ has_validation_layer() {
     return 1
 }
 
+# What the OpenXR loader is built with (feature static-loader). Returns 1, with a sentence, if it is not there.
+need_loader_tools() {
+    local missing=
+    command -v cmake >/dev/null 2>&1 || missing="cmake"
+    command -v "${CXX:-c++}" >/dev/null 2>&1 || missing="$missing g++"
+    [ -z "$missing" ] && return 0
+    if can_install; then
+        say "Installing" $missing.
+        # shellcheck disable=SC2086  # a list of words
+        install $missing make || say "The installation failed."
+        hash -r
+    fi
+    command -v cmake >/dev/null 2>&1 && command -v "${CXX:-c++}" >/dev/null 2>&1 && return 0
+    say "CMake and a C++ compiler build the OpenXR loader and are missing (cmake and g++ in Debian and Ubuntu): skipped."
+    return 1
+}
+
 # Mesa asks for XDG_RUNTIME_DIR and complains on stderr where there is none, as on servers and in containers: a folder of our
 # own will do. It stays empty, so a later run may find it again.
 need_runtime_dir() {
