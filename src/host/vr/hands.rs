@@ -12,6 +12,7 @@
 use super::calibrate::{Pivot, Tip};
 use super::haptics::Felt;
 use super::input::{Hand, HandsInput};
+use super::palm::PalmMenu;
 use super::space::{Placement, Pose, SnapTurn};
 use crate::config::{Dexterity, VrSettings};
 use crate::geometry::Plane;
@@ -162,6 +163,7 @@ pub struct Hands {
     plane_tool: bool,
     /// Places of the hands when they last began to hold the model, and the model's place then.
     held_from: Option<(Placement, [Option<DVec3>; 2])>,
+    palm_menu: PalmMenu,
     /// Poses of the scalpel's hand while its tip is being calibrated.
     pivot: Option<Pivot>,
     time_s: f64,
@@ -195,6 +197,7 @@ impl Hands {
             snap: [SnapTurn::default(); 2],
             plane_tool: false,
             held_from: None,
+            palm_menu: PalmMenu::default(),
             pivot: None,
             time_s: 0.0,
         }
@@ -276,6 +279,13 @@ impl Hands {
     /// True while a stroke, a grab or a hold is in progress.
     pub fn is_busy(&self) -> bool {
         self.grips.iter().any(|grip| grip.is_at_work() || grip.holds.is_some())
+    }
+
+    /// Looks for gestures that stand for buttons: the palm of the bare left hand, shown to the head, and a pinch of it for the panel's.
+    /// Call it before the panel and the tools take the input.
+    pub fn gestures(&mut self, input: &mut HandsInput, head: &Pose) {
+        let busy = self.grips[0].is_at_work() || self.grips[0].holds.is_some();
+        input.menu |= self.palm_menu.frame(&mut input.hands[0], head, busy);
     }
 
     /// One frame.

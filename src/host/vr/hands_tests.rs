@@ -227,6 +227,61 @@ fn a_trigger_that_is_held_when_the_hands_come_back_is_let_go_first() {
     assert_eq!(desk.outcomes().last(), Some(&"torn"));
 }
 
+/// A bare left hand at a point of the room, its palm turned from the head by an angle, pinched so far; and whether the panel's
+/// button is pressed.
+fn show_palm(desk: &mut Desk, (position, off): (DVec3, f64), pinch: f64) -> bool {
+    let palm = DQuat::from_rotation_y(off) * (HEAD.position - position).normalize();
+    desk.input.hands[0] = Hand {
+        grip: Some(Pose { position, ..Pose::IDENTITY }),
+        tear: pinch,
+        grab: 0.3 * pinch,
+        bare: true,
+        palm: Some(palm),
+        ..Hand::default()
+    };
+    desk.input.menu = false;
+    desk.hands.gestures(&mut desk.input, &HEAD);
+    let menu = desk.input.menu;
+    desk.frame();
+    menu
+}
+
+const BEFORE_THE_FACE: DVec3 = DVec3::new(-0.1, 1.5, -0.4);
+
+#[test]
+fn a_pinch_of_the_palm_that_is_looked_at_is_the_panel_s_button() {
+    let mut desk = Desk::new(VrSettings::default());
+    let facing = (BEFORE_THE_FACE, 0.2);
+    let pressed = [0.0, 0.2, 1.0, 1.0, 0.4, 1.0, 0.0, 1.0].map(|pinch| show_palm(&mut desk, facing, pinch));
+    assert_eq!(pressed, [false, false, true, false, false, false, false, true], "once a pinch");
+    assert!(!desk.hands.is_busy(), "and it closes no forceps");
+    // a pinch that has begun is the panel's, also when the hand turns away
+    assert!(!show_palm(&mut desk, (BEFORE_THE_FACE, 2.0), 1.0) && !desk.hands.is_busy());
+}
+
+#[test]
+fn pinches_elsewhere_close_the_forceps_and_open_no_panel() {
+    let beside = DVec3::new(-0.6, 1.2, 0.1);
+    for (what, place) in [("turned away", (BEFORE_THE_FACE, 1.2)), ("out of sight", (beside, 0.0))] {
+        let mut desk = Desk::new(VrSettings::default());
+        let pressed = [0.0, 1.0, 1.0].map(|pinch| show_palm(&mut desk, place, pinch));
+        assert!(pressed == [false; 3] && desk.hands.is_busy(), "{what}");
+        // what the forceps hold they keep, whatever the palm does
+        assert!(!show_palm(&mut desk, (BEFORE_THE_FACE, 0.0), 1.0) && desk.hands.is_busy(), "{what}");
+        assert!(!show_palm(&mut desk, (BEFORE_THE_FACE, 0.0), 0.0) && !desk.hands.is_busy());
+        assert!(show_palm(&mut desk, (BEFORE_THE_FACE, 0.0), 1.0), "the next pinch is the panel's");
+    }
+    let mut desk = Desk::new(VrSettings::default());
+    for pinch in [0.0, 1.0] {
+        show_palm(&mut desk, (BEFORE_THE_FACE, 0.0), pinch);
+        // a controller is held in that very pose
+        desk.input.hands[0] = Hand { bare: false, palm: None, tear: pinch, ..desk.input.hands[0] };
+        desk.input.menu = false;
+        desk.hands.gestures(&mut desk.input, &HEAD);
+        assert!(!desk.input.menu && desk.input.hands[0].tear == pinch);
+    }
+}
+
 /// The blade in the front of the sphere, some way along a stroke.
 fn tearing(desk: &mut Desk, hand: usize) {
     for i in 0..10 {

@@ -4,6 +4,7 @@ use super::bindings::{Act, BARE_HANDS, Kind, PROFILES};
 use super::error::{Named, VrError};
 use super::runtime::Runtime;
 use super::space::Pose;
+use glam::DVec3;
 use openxr as xr;
 
 /// One hand in a frame.
@@ -21,6 +22,8 @@ pub struct Hand {
     pub turn: f64,
     /// True if no controller is held.
     pub bare: bool,
+    /// Of a bare hand: the unit normal that the palm looks along, in the room.
+    pub palm: Option<DVec3>,
 }
 
 /// Both hands in a frame, left first, and the buttons that went down in it.
@@ -54,6 +57,11 @@ fn side_of_pad(x: f64) -> Option<f64> {
 
 /// Fingertips nearer than this are a full pinch, farther than that are none. Metres.
 const PINCH: (f64, f64) = (0.015, 0.04);
+
+/// Where the palm looks in the frame of a palm joint: the back of the hand is up.
+const JOINT_PALM: DVec3 = DVec3::NEG_Y;
+/// The same in the frames of the left and of the right hand's grip: x goes out of the left palm and into the right one.
+const GRIP_PALM: [DVec3; 2] = [DVec3::X, DVec3::NEG_X];
 
 /// Actions of one kind, in the order of [`Act::ALL`].
 struct Actions {
@@ -150,13 +158,15 @@ impl Input {
             hand.grab = self.analog(Act::Grab, index, session)?;
             hand.turn = self.stick(Act::Turn, index, session)?.unwrap_or(0.0);
             hand.bare = self.bare.1[index];
+            hand.palm = hand.grip.filter(|_| hand.bare).map(|grip| grip.rotation * GRIP_PALM[index]);
             if let (true, Some(trackers)) = (hand.bare || hand.grip.is_none(), &self.trackers)
                 && let Some(joints) = base.locate_hand_joints(&trackers[index], time).named("a hand's joints")?
                 && let Some((pose, pinch)) = pinch(&joints)
             {
                 // where the runtime tells of pinches itself, its word counts as well
                 let (aim, tear) = (hand.aim.or(Some(pose)), hand.tear.max(pinch));
-                *hand = Hand { grip: Some(pose), aim, tear, bare: true, ..*hand };
+                let palm = Some(pose.rotation * JOINT_PALM);
+                *hand = Hand { grip: Some(pose), aim, tear, bare: true, palm, ..*hand };
             }
         }
         Ok(hands)
@@ -271,7 +281,7 @@ fn pinch(joints: &xr::HandJointLocations) -> Option<(Pose, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DQuat, DVec3};
+    use glam::DQuat;
 
     /// A tracked hand whose fingertips are so far apart, metres.
     fn joints(apart: f64) -> xr::HandJointLocations {

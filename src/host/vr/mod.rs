@@ -7,6 +7,7 @@
 //! | [`lifecycle`] | the session's states and what they ask for |
 //! | [`bindings`], [`input`] | the action set, its bindings, what the hands do |
 //! | [`hands`], [`haptics`] | tools in the hands, what the hands feel |
+//! | [`palm`] | the gesture that opens the panel without a controller |
 //! | [`drawn`], [`calibrate`] | the tools as they are drawn; where their tips are |
 //! | [`space`] | where the model stands; scaling, turning, snap turns |
 //! | [`board`], [`desk`] | the panel on a board in the room; what it asks for is carried out |
@@ -34,6 +35,7 @@ mod interop;
 pub mod lifecycle;
 pub mod lockstep;
 pub mod outcome;
+pub mod palm;
 pub mod run;
 pub mod runtime;
 pub mod space;

@@ -389,7 +389,8 @@ fn frame(
     user.frame.show.clear();
     let Some(desk) = &mut user.desk else { return Ok(None) };
     if headset.life.listens() {
-        let input = headset.hands(time)?;
+        let mut input = headset.hands(time)?;
+        hands.gestures(&mut input, &head);
         let mut work = Work { app: &mut *app, hands: &mut *hands, head: &head, options, frame: &mut user.frame };
         let (on_panel, changed) = desk.frame(headset, (&input, state.should_render), &mut work)?;
         if changed {
