@@ -160,7 +160,7 @@ need_loader_tools() {
     command -v "${CXX:-c++}" >/dev/null 2>&1 || missing="$missing g++"
     [ -z "$missing" ] && return 0
     if can_install; then
-        say "Installing" $missing.
+        say "Installing ${missing# }."
         # shellcheck disable=SC2086  # a list of words
         install $missing make || say "The installation failed."
         hash -r

@@ -3,6 +3,8 @@
 
 #![cfg(feature = "vr")]
 
+#[path = "vr/bare_hand.rs"]
+mod bare_hand;
 #[path = "vr/buttons.rs"]
 mod buttons;
 #[path = "vr/driver.rs"]

@@ -125,11 +125,11 @@ impl Led {
         meanwhile();
         // No two packets that follow each other are alike, so that what the program sees is this one and its buttons.
         let mut hands = self.hands;
-        hands[0].position[0] += TICK * (self.frames % 2) as f32;
+        hands[usize::from(hands[0].bare)].position[0] += TICK * (self.frames % 2) as f32;
         self.remote.send(HEAD, self.pitch, &hands).expect("the service takes it");
         let mut say = String::from("expect");
-        for Controller { position: [x, y, z], trigger, squeeze, .. } in hands {
-            say += &format!(" {x} {y} {z} {trigger} {squeeze}");
+        for Controller { position: [x, y, z], trigger, squeeze, bare, .. } in hands {
+            say += &if bare { " bare".into() } else { format!(" {x} {y} {z} {trigger} {squeeze}") };
         }
         self.say(&format!("{say} gpu {}{}", self.gpu_ms, if capture { " capture" } else { "" }));
     }

@@ -18,6 +18,8 @@ pub struct Controller {
     pub stick: f32,
     /// The stick, pressed.
     pub stick_down: bool,
+    /// Nothing is held: the fingers are tracked, and pinch as far as the trigger says.
+    pub bare: bool,
     /// The lower button of the hand.
     pub a: bool,
     /// The upper one.
@@ -53,12 +55,24 @@ impl Remote {
             put(&mut bytes, &hand.rotation().as_quat().to_array());
             put(&mut bytes, &hand.position);
             put(&mut bytes, &[0.0; 6]); // velocities
-            put(&mut bytes, &[0.0; 5]); // fingers
+            // little, ring and middle finger, index finger and thumb: curled so, the tips of the two meet
+            put(&mut bytes, &if hand.bare { [0.0, 0.0, 0.0, hand.trigger, 0.95 * hand.trigger] } else { [0.0; 5] });
             put(&mut bytes, &[hand.trigger, hand.squeeze, hand.squeeze, hand.stick, 0.0, 0.0, 0.0, 0.0]);
             let on = |b: bool| u8::from(b);
             // hand tracking, active, system, a, b, trigger, stick: clicked and touched each; trackpad, padding
             let (pulled, touched) = (on(hand.trigger > 0.9), on(hand.trigger > 0.0));
-            bytes.extend_from_slice(&[0, 1, 0, 0, on(hand.a), on(hand.a), on(hand.b), on(hand.b), pulled, touched]);
+            bytes.extend_from_slice(&[
+                on(hand.bare),
+                on(!hand.bare),
+                0,
+                0,
+                on(hand.a),
+                on(hand.a),
+                on(hand.b),
+                on(hand.b),
+                pulled,
+                touched,
+            ]);
             bytes.extend_from_slice(&[on(hand.stick_down), on(hand.stick_down), 0, 0, 0, 0]);
         }
         assert_eq!(bytes.len(), PACKET);

@@ -7,7 +7,7 @@
 //! | program | `ready {json}` | the session has focus; where the model stands |
 //! | program | `frame N` | frame N waits for its input |
 //! | program | `frame N unfocused` | the same while the runtime's own menu has the hands: what the driver expects is not waited for |
-//! | driver | `expect` and 10 numbers, maybe `gpu` and one more, maybe `capture` | left hand x y z trigger squeeze, right hand the same; milliseconds that the GPU is to have taken; keep this frame's pictures |
+//! | driver | `expect` and 10 numbers, maybe `gpu` and one more, maybe `capture` | left hand x y z trigger squeeze, right hand the same, `bare` instead of a hand's five where it holds no controller; milliseconds that the GPU is to have taken; keep this frame's pictures |
 //! | driver | `pass` | nothing moves in this frame: it is for what the runtime has to say |
 //! | driver | `quit` | leave |
 
@@ -47,10 +47,15 @@ pub struct Wanted {
     position: [f32; 3],
     trigger: f32,
     squeeze: f32,
+    /// Fingers are made up by the runtime, so nothing else is known of them.
+    bare: bool,
 }
 
 impl Wanted {
     fn matches(&self, hand: &Hand) -> bool {
+        if self.bare || hand.bare {
+            return self.bare == hand.bare;
+        }
         let at = hand.grip.map(|g| g.position);
         let same = |p: DVec3| p.as_vec3().to_array() == self.position;
         at.is_some_and(same) && hand.tear as f32 == self.trigger && hand.grab as f32 == self.squeeze
@@ -119,9 +124,15 @@ fn parse(line: &str) -> Option<Expected> {
         "quit" => Some(Expected::Quit),
         "pass" => Some(Expected::Pass),
         "expect" => {
-            let mut number = || words.next()?.parse::<f32>().ok().filter(|n| n.is_finite());
-            let mut hand =
-                || Some(Wanted { position: [number()?, number()?, number()?], trigger: number()?, squeeze: number()? });
+            let number = |word: &str| word.parse::<f32>().ok().filter(|n| n.is_finite());
+            let mut hand = || match words.next()? {
+                "bare" => Some(Wanted { bare: true, ..Wanted::default() }),
+                x => {
+                    let mut number = |word: Option<&str>| number(word.or_else(|| words.next())?);
+                    let position = [number(Some(x))?, number(None)?, number(None)?];
+                    Some(Wanted { position, trigger: number(None)?, squeeze: number(None)?, bare: false })
+                }
+            };
             let hands = [hand()?, hand()?];
             let mut asked = Asked::default();
             let mut word = words.next();
@@ -153,7 +164,11 @@ mod tests {
         };
         assert_eq!(asked, Asked { capture: true, gpu_ms: 20.5 });
         assert!(hands[0].trigger == 0.5 && hands[1].position == [4.0, 5.0, 6.0] && hands[1].squeeze == 0.25);
-        for bad in ["", "\n", "expect 1 2 3", "expect 1 2 3 0 0 1 2 x 0 0", "expect 1 2 3 0 0 1 2 3 0 0 more", "leave"] {
+        let Some(Expected::Hands(hands, _)) = parse("expect bare 4 5 6 1 0.25\n") else { panic!("not read") };
+        assert!(hands[0].bare && !hands[1].bare && hands[1].trigger == 1.0);
+        for bad in
+            ["", "\n", "expect 1 2 3", "expect 1 2 3 0 0 1 2 x 0 0", "expect 1 2 3 0 0 1 2 3 0 0 more", "expect bare", "leave"]
+        {
             assert_eq!(parse(bad), None, "{bad:?}");
         }
     }
@@ -162,9 +177,11 @@ mod tests {
     fn a_hand_matches_bit_for_bit() {
         let position = DVec3::new(0.1f32.into(), 1.25, -0.5);
         let hand = Hand { grip: Some(Pose { position, ..Pose::IDENTITY }), tear: 0.5, ..Hand::default() };
-        let wanted = Wanted { position: [0.1, 1.25, -0.5], trigger: 0.5, squeeze: 0.0 };
+        let wanted = Wanted { position: [0.1, 1.25, -0.5], trigger: 0.5, squeeze: 0.0, bare: false };
         assert!(wanted.matches(&hand));
         assert!(!Wanted { position: [0.1 + 1e-7, 1.25, -0.5], ..wanted }.matches(&hand));
+        let (bare, fingers) = (Wanted { bare: true, ..Wanted::default() }, Hand { bare: true, ..hand });
+        assert!(bare.matches(&fingers) && !bare.matches(&hand) && !wanted.matches(&fingers));
         assert!(!Wanted { trigger: 0.0, ..wanted }.matches(&hand) && !wanted.matches(&Hand { grip: None, ..hand }));
     }
 
