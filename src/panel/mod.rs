@@ -90,7 +90,8 @@ impl Panel {
     }
 
     /// [`Panel::run_filling`] for a pointer that is known as a place and a press alone, as a ray from a hand is. `size` in
-    /// points, of `sharpness` pixels each; `at` the pointer now, in points.
+    /// points, of `sharpness` pixels each; `at` the pointer now, in points. What is let go nowhere presses nothing, and what was dragged stays
+    /// where it was.
     pub fn run_pointer(
         &mut self,
         (size, sharpness): ([f32; 2], f32),
@@ -114,7 +115,13 @@ impl Panel {
                     modifiers: egui::Modifiers::default(),
                 }));
             }
-            None => input.events.push(egui::Event::PointerGone),
+            None => {
+                if press == Some(false) {
+                    self.context.stop_dragging();
+                    self.context.input_mut(|i| i.pointer = Default::default());
+                }
+                input.events.push(egui::Event::PointerGone);
+            }
         }
         self.run_filling(input, state)
     }

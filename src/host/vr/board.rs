@@ -30,13 +30,45 @@ struct Pointed {
     pressed: bool,
 }
 
+/// What the panel is told of a ray.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pointer {
+    pointed: Option<Pointed>,
+    /// The panel was told that something is pressed.
+    down: bool,
+    /// Nobody knows what the hands did meanwhile.
+    away: bool,
+}
+
+impl Pointer {
+    /// Where the panel is to see its pointer, and whether that goes down or up. A trigger that was pulled elsewhere is no press; one that
+    /// leaves the board lets go there.
+    fn tell(&mut self, now: Option<Pointed>) -> (Option<[f32; 2]>, Option<bool>) {
+        let now = now.filter(|_| !std::mem::take(&mut self.away));
+        let was = std::mem::replace(&mut self.pointed, now);
+        let pressed = now.is_some_and(|p| p.pressed);
+        if self.down && !pressed {
+            self.down = false;
+            return (now.map(|p| p.at), Some(false));
+        }
+        let presses = pressed && !self.down && was.is_some_and(|w| !w.pressed);
+        self.down |= presses;
+        (now.map(|p| p.at), presses.then_some(true))
+    }
+
+    /// The hands are somebody else's for a while.
+    fn look_away(&mut self) {
+        (self.pointed, self.away) = (None, true);
+    }
+}
+
 /// The board, open or not.
 pub struct Board {
     panel: Panel,
     /// What the panel shows.
     pub state: PanelState,
     place: Option<Pose>,
-    pointed: Option<Pointed>,
+    pointer: Pointer,
     /// The session's: see [`Board::prepare`].
     picture: Option<(Images, UiPass)>,
     drawn: bool,
@@ -45,17 +77,22 @@ pub struct Board {
 impl Board {
     /// A closed board.
     pub fn new(state: PanelState) -> Self {
-        Self { panel: Panel::new(), state, place: None, pointed: None, picture: None, drawn: false }
+        Self { panel: Panel::new(), state, place: None, pointer: Pointer::default(), picture: None, drawn: false }
     }
 
     /// Opens it before the user, or closes it.
     pub fn toggle(&mut self, head: &Pose) {
         self.drawn = false;
-        self.pointed = None;
+        self.pointer.look_away();
         self.place = match self.place {
             Some(_) => None,
             None => Some(placed(head)),
         };
+    }
+
+    /// The hands are the runtime's menu's: what they pressed here they have let go.
+    pub fn look_away(&mut self) {
+        self.pointer.look_away();
     }
 
     /// True while it is open.
@@ -124,14 +161,8 @@ impl Board {
         context: &Context,
     ) -> Result<Vec<PanelAction>, VrError> {
         let Some(place) = self.place else { return Ok(Vec::new()) };
-        let now = pointed(&place, hands, self.pointed.map(|p| p.hand));
-        let press = match (self.pointed, now) {
-            (Some(was), Some(is)) if was.pressed != is.pressed => Some(is.pressed),
-            (None, Some(is)) if is.pressed => None, // a trigger that was pulled elsewhere is no press
-            _ => None,
-        };
-        self.pointed = now;
-        let frame = self.panel.run_pointer((POINTS, SHARPNESS), now.map(|p| p.at), press, &mut self.state);
+        let (at, press) = self.pointer.tell(pointed(&place, hands, self.pointer.pointed.map(|p| p.hand)));
+        let frame = self.panel.run_pointer((POINTS, SHARPNESS), at, press, &mut self.state);
         self.prepare(session, context)?;
         let Some((images, ui)) = &mut self.picture else { return Ok(frame.actions) };
         let index = images.acquire()?;
@@ -153,7 +184,7 @@ impl Board {
 
     /// The ray of the hand that points, from the hand to the board, in the room.
     pub fn ray(&self, hands: &[Hand; 2]) -> Option<[DVec3; 2]> {
-        let (place, pointed) = self.place.zip(self.pointed)?;
+        let (place, pointed) = self.place.zip(self.pointer.pointed)?;
         let aim = hands[pointed.hand].aim?;
         Some([aim.position, point_of(&place, pointed.at)])
     }
@@ -242,6 +273,46 @@ mod tests {
         assert_eq!(pointed(&place, &both, None).map(|p| p.hand), Some(1));
         assert_eq!(pointed(&place, &both, Some(0)).map(|p| p.hand), Some(0));
         assert_eq!(pointed(&place, &[Hand::default(); 2], Some(0)), None);
+    }
+
+    #[test]
+    fn what_is_pressed_is_let_go_wherever_the_ray_goes() {
+        let at = [100.0, 50.0];
+        let ray = |pressed: bool| Some(Pointed { hand: 1, at, pressed });
+        let tell = |pointer: &mut Pointer, rays: &[Option<Pointed>]| rays.iter().map(|&r| pointer.tell(r)).collect::<Vec<_>>();
+        let mut pointer = Pointer::default();
+        let told = tell(&mut pointer, &[ray(false), ray(true), ray(true), ray(false)]);
+        assert_eq!(told, [(Some(at), None), (Some(at), Some(true)), (Some(at), None), (Some(at), Some(false))]);
+        let told = tell(&mut pointer, &[ray(true), None, None, ray(false)]);
+        assert_eq!(told, [(Some(at), Some(true)), (None, Some(false)), (None, None), (Some(at), None)], "beside the board");
+        // a trigger pulled elsewhere presses nothing, and its end lets nothing go
+        let told = tell(&mut pointer, &[None, ray(true), ray(true), ray(false), ray(true)]);
+        assert_eq!(told.iter().map(|t| t.1).collect::<Vec<_>>(), [None, None, None, None, Some(true)]);
+        // the runtime's menu comes in between, and the trigger that has pressed there is still held
+        pointer.look_away();
+        let told = tell(&mut pointer, &[ray(true), ray(true), ray(false)]);
+        assert_eq!(told, [(None, Some(false)), (Some(at), None), (Some(at), None)]);
+    }
+
+    #[test]
+    fn what_is_let_go_beside_the_board_presses_no_button_and_no_slider_sticks() {
+        let mut panel = Panel::new();
+        let mut state = PanelState { in_room: true, undo_depth: 1, ..PanelState::default() };
+        let mut run = |at: Option<[f32; 2]>, press: Option<bool>| {
+            let mut frame = panel.run_pointer((POINTS, SHARPNESS), at, press, &mut state);
+            frame.textures.clear();
+            (frame.actions.len(), panel.context().dragged_id().is_some())
+        };
+        let (mut pressed, mut held) = (0, 0);
+        for y in (4..600).step_by(8) {
+            let at = Some([60.0, y as f32]);
+            run(at, None);
+            held += usize::from(run(at, Some(true)).1);
+            pressed += run(None, Some(false)).0;
+            assert!(!run(at, None).1, "nothing follows a ray whose trigger is let go, {y}");
+        }
+        assert_eq!(pressed, 0, "no button was pressed");
+        assert!(held > 5, "buttons and sliders were taken hold of: {held}");
     }
 
     #[test]

@@ -268,6 +268,7 @@ impl Hands {
     pub fn step_away(&mut self, out: &mut Vec<EditCommand>) {
         self.put_down(out);
         self.grips.iter_mut().for_each(|grip| (grip.tear.spent, grip.grab.spent) = (true, true));
+        self.palm_menu.look_away();
     }
 
     /// Ends everything that is in progress. A trigger that is held meanwhile is to be let go before it begins something else.

@@ -257,6 +257,11 @@ fn a_pinch_of_the_palm_that_is_looked_at_is_the_panel_s_button() {
     assert!(!desk.hands.is_busy(), "and it closes no forceps");
     // a pinch that has begun is the panel's, also when the hand turns away
     assert!(!show_palm(&mut desk, (BEFORE_THE_FACE, 2.0), 1.0) && !desk.hands.is_busy());
+    // one that lasts while the runtime's menu closes was meant for that
+    show_palm(&mut desk, facing, 0.0);
+    desk.hands.step_away(&mut Vec::new());
+    let pressed = [1.0, 1.0, 0.0, 1.0].map(|pinch| show_palm(&mut desk, facing, pinch));
+    assert_eq!(pressed, [false, false, false, true]);
 }
 
 #[test]

@@ -19,6 +19,11 @@ pub struct PalmMenu {
 }
 
 impl PalmMenu {
+    /// The hands are somebody else's for a while: a pinch that lasts when they come back was not meant for the panel.
+    pub fn look_away(&mut self) {
+        *self = Self { pinched: true, ..Self::default() };
+    }
+
     /// Takes the hand of a frame; true if the panel is to open or to close. While the palm is shown, and as long as a pinch lasts that
     /// began so, the hand does nothing else. A pinch that began elsewhere is none of the panel's; nor is one of a hand at work.
     pub fn frame(&mut self, hand: &mut Hand, head: &Pose, at_work: bool) -> bool {

@@ -412,6 +412,7 @@ fn frame(
         user.output = HandsOutput { commands: std::mem::take(&mut user.output.commands), ..HandsOutput::default() };
         user.output.commands.clear();
         hands.step_away(&mut user.output.commands);
+        desk.board.look_away();
         drop(headset.hands(time).map(|_: HandsInput| ()));
     }
     let placement = *hands.placement();
