@@ -114,27 +114,70 @@ fn is_lip(t: u32, v: u32) -> bool {
 // What is farther from a lip than this, in diagonals, does not look like one.
 const FAR_FROM_LIP: f32 = 0.03;
 
-// Distance of a point from the lip's part in the face that half-edge `h` leaves the point from, metres; a large number if none.
-fn lip_in_face(t: u32, h: u32, p: vec3f) -> f32 {
-    let face = tissues[t].faces + h / 3u;
-    let k = h % 3u;
-    let wb = tissues[t].wedges + faces[face].wedges[(k + 1u) % 3u];
-    let wc = tissues[t].wedges + faces[face].wedges[(k + 2u) % 3u];
-    let b_is = is_lip(t, wedges[wb].vertex);
-    let c_is = is_lip(t, wedges[wc].vertex);
-    if (!b_is && !c_is) {
-        return 1e30;
-    }
-    let b = deformed[tissues[t].positions + wedges[wb].vertex].xyz;
-    let c = deformed[tissues[t].positions + wedges[wc].vertex].xyz;
-    let origin = select(c, b, b_is);
-    let along = select(c, b, !c_is) - origin;
+// Distance of a point from the stretch between two points.
+fn to_stretch(p: vec3f, start: vec3f, end: vec3f) -> f32 {
+    let along = end - start;
     let square = dot(along, along);
-    let x = select(0.0, saturate(dot(p - origin, along) / square), square > 0.0);
-    return length(p - origin - x * along);
+    let x = select(0.0, saturate(dot(p - start, along) / square), square > 0.0);
+    return length(p - start - x * along);
 }
 
-// Distance of a vertex from the lip of a wound over the faces around it, in diagonals, for the picture; at most FAR_FROM_LIP.
+// What is farther from the lip than anything.
+const NO_LIP: f32 = 1e30;
+
+// Distance of a point from the lip's part in the face that half-edge `h` leaves vertex `o` from, metres.
+fn lip_in_face(t: u32, h: u32, o: u32, o_is: bool, p: vec3f) -> f32 {
+    let b = corner_of(t, h, 1u);
+    let c = corner_of(t, h, 2u);
+    let b_is = is_lip(t, b);
+    let c_is = is_lip(t, c);
+    if (!o_is && !b_is && !c_is) {
+        return NO_LIP;
+    }
+    let at_o = deformed[tissues[t].positions + o].xyz;
+    let at_b = deformed[tissues[t].positions + b].xyz;
+    let at_c = deformed[tissues[t].positions + c].xyz;
+    let first = select(select(at_c, at_b, b_is), at_o, o_is);
+    let last = select(select(at_o, at_b, b_is), at_c, c_is);
+    var nearest = to_stretch(p, first, last);
+    if (o_is && b_is && c_is) {
+        nearest = min(nearest, min(to_stretch(p, at_o, at_b), to_stretch(p, at_b, at_c)));
+    }
+    return nearest;
+}
+
+// Distance of a point from the lip's part in the faces around a vertex, metres.
+fn lip_around(t: u32, v: u32, p: vec3f) -> f32 {
+    let start = vertices[tissues[t].vertices + v].half_edge;
+    if (start == NONE) {
+        return NO_LIP;
+    }
+    let v_is = is_lip(t, v);
+    var nearest = NO_LIP;
+    var h = start;
+    for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
+        nearest = min(nearest, lip_in_face(t, h, v, v_is, p));
+        h = opposite_of(t, previous_of(h));
+        if (h == start) {
+            return nearest;
+        }
+    }
+    h = opposite_of(t, start);
+    for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
+        h = next_of(h);
+        nearest = min(nearest, lip_in_face(t, h, v, v_is, p));
+        h = opposite_of(t, h);
+    }
+    return nearest;
+}
+
+// The vertex that the half-edge `turn` steps on in the face of `h` comes from.
+fn corner_of(t: u32, h: u32, turn: u32) -> u32 {
+    return wedges[tissues[t].wedges + faces[tissues[t].faces + h / 3u].wedges[(h % 3u + turn) % 3u]].vertex;
+}
+
+// Distance of a vertex from the lip of a wound over the faces around it and around its neighbours, in diagonals, for the picture; at
+// most FAR_FROM_LIP. Faces around it alone are too few: where the skin's own vertices lie close to a cut, its pale edge would end there.
 fn lip_distance(t: u32, v: u32) -> f32 {
     let start = vertices[tissues[t].vertices + v].half_edge;
     if ((tissues[t].flags & WOUNDED) == 0u || start == NONE) {
@@ -144,20 +187,23 @@ fn lip_distance(t: u32, v: u32) -> f32 {
         return 0.0;
     }
     let p = deformed[tissues[t].positions + v].xyz;
-    var nearest = 1e30;
+    var nearest = NO_LIP;
     var h = start;
+    var last = start;
     for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
-        nearest = min(nearest, lip_in_face(t, h, p));
+        nearest = min(nearest, lip_around(t, corner_of(t, h, 1u), p));
+        last = h;
         h = opposite_of(t, previous_of(h));
         if (h == start) {
             break;
         }
     }
     if (h == NONE) {
+        nearest = min(nearest, lip_around(t, corner_of(t, last, 2u), p));
         h = opposite_of(t, start);
         for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
             h = next_of(h);
-            nearest = min(nearest, lip_in_face(t, h, p));
+            nearest = min(nearest, lip_around(t, corner_of(t, h, 1u), p));
             h = opposite_of(t, h);
         }
     }

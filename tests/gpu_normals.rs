@@ -184,3 +184,61 @@ fn lips_of_another_wound_are_noticed() {
     let (torn, whole) = (lips(&torn.gpu), lips(&whole.cpu));
     assert!(torn.iter().zip(&whole).any(|(a, b)| (a - b).abs() > 0.01));
 }
+
+/// A stroke down the front of the heart.
+fn down_the_front(number: usize) -> Vec<EditCommand> {
+    if number > 0 {
+        return Vec::new();
+    }
+    let pose = |k: u32| {
+        let tip = DVec3::new(0.002, 0.03 - 0.004 * f64::from(k), 0.015);
+        EditCommand::StrokePose(BladePose { t: 0.1 * f64::from(k), tip, base: tip + DVec3::Z * 0.3 })
+    };
+    let begin = EditCommand::StrokeBegin { width: 0.0006 };
+    [begin].into_iter().chain((0..16).map(pose)).chain([EditCommand::StrokeEnd]).collect()
+}
+
+/// The pale edge beside a wound is as wide where vertices of the skin lie close to the cut, so that it goes on in faces with no corner on
+/// the lip: what the corners of all its faces are told is their distance from the nearest stretch of the lip, over all of them, in f64.
+#[test]
+fn the_skin_beside_a_wound_knows_how_far_it_is() {
+    // the shaders' LIP_WIDTH and FAR_FROM_LIP, diagonals
+    const PALE: f64 = 0.0045;
+    const FAR: f64 = 0.03;
+    let (app, twins) = play("heart", 18_000, false, WallMode::Open, down_the_front);
+    let (id, tissue) = app.scene.tissues().next().expect("a tissue");
+    let told = twins.gpu.renderer().read_normals(u64::from(id.0)).expect("normals");
+    let mesh = tissue.mesh();
+    let place = |v: VertexId| tissue.position(v);
+    let mut lip: Vec<[DVec3; 2]> = Vec::new();
+    for f in mesh.live_faces() {
+        let corners = mesh.face(f);
+        let on = |k: usize| told[mesh.face_wedges(f)[k % 3].index()][3] == 0.0;
+        for k in (0..3).filter(|&k| on(k) && on(k + 1)) {
+            lip.push([place(corners[k]), place(corners[(k + 1) % 3])]);
+        }
+    }
+    assert!(lip.len() > 100, "{} stretches", lip.len());
+    let to_stretch = |p: DVec3, [a, b]: [DVec3; 2]| {
+        let along = b - a;
+        p.distance(a + along * ((p - a).dot(along) / along.length_squared()).clamp(0.0, 1.0))
+    };
+    let (mut beside, mut beyond, mut worst) = (0, 0, 0.0f64);
+    for f in mesh.live_faces() {
+        let corners = mesh.face(f);
+        let away =
+            corners.map(|v| lip.iter().map(|&s| to_stretch(place(v), s)).fold(f64::INFINITY, f64::min) / tissue.diagonal());
+        if away.into_iter().fold(f64::INFINITY, f64::min) > PALE {
+            continue;
+        }
+        for (k, w) in mesh.face_wedges(f).into_iter().enumerate() {
+            let around = mesh.fan(corners[k]).flat_map(|h| mesh.face_wedges(h.face()));
+            beside += 1;
+            beyond += usize::from(around.into_iter().all(|w| told[w.index()][3] > 0.0));
+            worst = worst.max((f64::from(told[w.index()][3]) - away[k].min(FAR)).abs());
+        }
+    }
+    println!("{beside} corners beside the lip, {beyond} in no face with it, off by {worst} at most");
+    assert!(beside > 100 && beyond > 0, "{beside}, {beyond}");
+    assert!(worst < 0.1 * PALE, "off by {worst} diagonals");
+}

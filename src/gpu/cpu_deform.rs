@@ -15,6 +15,8 @@ pub struct Deformed {
     pub normals: Vec<[f32; 4]>,
     exact: Vec<DVec3>,
     lips: Vec<bool>,
+    /// Vertices with a lip in the faces around them.
+    near_lips: Vec<bool>,
 }
 
 /// What is farther from a lip than this, in diagonals, does not look like one.
@@ -33,6 +35,14 @@ impl Deformed {
         }
         self.lips.clear();
         self.lips.extend((0..slots).map(|v| is_lip(view, VertexId::new(v))));
+        self.near_lips.clear();
+        self.near_lips.resize(slots, false);
+        for f in view.mesh.live_faces() {
+            let corners = view.mesh.face(f);
+            if corners.iter().any(|c| self.lips[c.index()]) {
+                corners.iter().for_each(|c| self.near_lips[c.index()] = true);
+            }
+        }
         let mut normals = std::mem::take(&mut self.normals);
         normals.clear();
         normals.extend((0..view.mesh.wedges().len()).map(|w| self.normal(view, WedgeId::new(w))));
@@ -48,7 +58,6 @@ impl Deformed {
         }
         let mut normal = (cofactor(view.pose.blended_linear(view.rows, v)) * rest).normalize_or(rest);
         let (mut sum, mut moved) = (DVec3::ZERO, false);
-        let mut lip = if self.lips[v.index()] { 0.0 } else { f64::INFINITY };
         for h in view.mesh.fan(v) {
             let f = h.face();
             let corners = view.mesh.face(f);
@@ -57,22 +66,39 @@ impl Deformed {
                 let [a, b, c] = corners.map(|c| self.exact[c.index()]);
                 sum += (b - a).cross(c - a);
             }
-            lip = lip.min(self.lip_in_face(v, corners));
         }
         if moved {
             normal = sum.normalize_or(normal);
         }
+        let lip = self.lip_distance(view, v);
         normal.as_vec3().extend((lip / view.diagonal).min(FAR_FROM_LIP) as f32).to_array()
     }
 
-    /// Distance of a corner from the lip's part in its face, metres.
-    fn lip_in_face(&self, v: VertexId, corners: [VertexId; 3]) -> f64 {
+    /// Distance of a vertex from the lip over the faces around it and around its neighbours, metres.
+    fn lip_distance(&self, view: &TissueView<'_>, v: VertexId) -> f64 {
+        if self.lips[v.index()] {
+            return 0.0;
+        }
         let p = self.exact[v.index()];
-        let mut ends = corners.into_iter().filter(|&c| c != v && self.lips[c.index()]).map(|c| self.exact[c.index()]);
-        let Some(from) = ends.next() else { return f64::INFINITY };
-        let along = ends.next().map_or(DVec3::ZERO, |to| to - from);
-        let x = if along == DVec3::ZERO { 0.0 } else { ((p - from).dot(along) / along.length_squared()).clamp(0.0, 1.0) };
-        p.distance(from + along * x)
+        let neighbours = view.mesh.fan(v).flat_map(|h| view.mesh.face(h.face())).filter(|&u| u != v && self.near_lips[u.index()]);
+        let faces = neighbours.flat_map(|u| view.mesh.fan(u)).map(|h| view.mesh.face(h.face()));
+        faces.map(|corners| self.lip_in_face(p, corners)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Distance of a point from the lip's part in a face, metres.
+    fn lip_in_face(&self, p: DVec3, corners: [VertexId; 3]) -> f64 {
+        let mut nearest = f64::INFINITY;
+        for k in 0..3 {
+            let [a, b] = [corners[k], corners[(k + 1) % 3]];
+            let (at, along) = match (self.lips[a.index()], self.lips[b.index()]) {
+                (false, _) => continue,
+                (true, false) => (self.exact[a.index()], DVec3::ZERO),
+                (true, true) => (self.exact[a.index()], self.exact[b.index()] - self.exact[a.index()]),
+            };
+            let x = if along == DVec3::ZERO { 0.0 } else { ((p - at).dot(along) / along.length_squared()).clamp(0.0, 1.0) };
+            nearest = nearest.min(p.distance(at + along * x));
+        }
+        nearest
     }
 }
 

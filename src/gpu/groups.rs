@@ -34,7 +34,9 @@ impl Lists {
     }
 }
 
-/// Particles by group of vertices, and groups of vertices by group of wedges: a normal needs the positions around it.
+/// Particles by group of vertices, and groups of vertices by group of wedges: a normal needs the positions around it. The distance from a
+/// wound's lip needs those a ring farther out, too, which are not looked at: where they alone have moved they are at the end of their
+/// particles' reach, and a vertex keeps a distance for its picture that is off by no more than they have moved.
 #[derive(Debug, Default)]
 pub struct Groups {
     particles: Lists,
