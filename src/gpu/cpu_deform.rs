@@ -80,7 +80,7 @@ impl Deformed {
             return 0.0;
         }
         let p = self.exact[v.index()];
-        let neighbours = view.mesh.fan(v).flat_map(|h| view.mesh.face(h.face())).filter(|&u| u != v && self.near_lips[u.index()]);
+        let neighbours = view.mesh.neighbours(v).filter(|u| self.near_lips[u.index()]);
         let faces = neighbours.flat_map(|u| view.mesh.fan(u)).map(|h| view.mesh.face(h.face()));
         faces.map(|corners| self.lip_in_face(p, corners)).fold(f64::INFINITY, f64::min)
     }

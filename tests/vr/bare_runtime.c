@@ -1,5 +1,6 @@
 /* An OpenXR runtime without a headset: it has an instance and says, when asked for a head-mounted display, that there is none.
-   Monado always finds at least a simulated one. With HEADSET defined there is one that no session comes of: it draws with nothing. Declarations as in the OpenXR 1.0 specification and its loader interface. */
+   Monado always finds at least a simulated one. With HEADSET defined there is one that no session comes of: it draws with nothing.
+   Declarations as in the OpenXR 1.0 specification and its loader interface. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>

@@ -379,14 +379,14 @@ fn frame(
         let (low, high) = app.scene.bounds();
         Hands::new(options.config.vr, options.config.tear.width, Placement::within_reach(low, high, &head))
     });
+    let mut pointer = None;
+    user.frame.commands.clear();
+    user.frame.show.clear();
     // a headset that lies on a desk while the session starts is put on later
     if !user.placed && tracked.is_some() && headset.life.listens() {
         user.placed = true;
         hands.recentre(app.scene.bounds(), &head, &mut user.frame.commands);
     }
-    let mut pointer = None;
-    user.frame.commands.clear();
-    user.frame.show.clear();
     let Some(desk) = &mut user.desk else { return Ok(None) };
     if headset.life.listens() {
         let mut input = headset.hands(time)?;
