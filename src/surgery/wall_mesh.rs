@@ -125,6 +125,8 @@ impl FacetMesh {
         let at = |p: u32| points[p as usize];
         let mut best = (f64::INFINITY, 0, 0);
         let mut shortest = (f64::INFINITY, 0, 0);
+        // what was in the way of one bridge mostly is in the way of the next
+        let (mut in_outer, mut in_hole) = (0, 0);
         for i in 0..outer.len() {
             for j in 0..hole.len() {
                 let (p, q) = (at(outer[i]), at(hole[j]));
@@ -135,8 +137,8 @@ impl FacetMesh {
                 if length < best.0
                     && !joined.holds(outer[i], hole[j])
                     && in_sector(points, outer, i, q)
-                    && !crosses(points, outer, p, q)
-                    && !crosses(points, hole, p, q)
+                    && !crosses(points, outer, [p, q], &mut in_outer)
+                    && !crosses(points, hole, [p, q], &mut in_hole)
                 {
                     best = (length, i, j);
                 }
@@ -302,10 +304,11 @@ fn in_sector(points: &[[f64; 2]], ring: &[u32], i: usize, q: [f64; 2]) -> bool {
     if orient2d(a, b, c) > 0.0 { left_in && left_out } else { left_in || left_out }
 }
 
-/// True if segment `p`-`q` crosses or touches an edge of the polygon that it shares no end with.
-fn crosses(points: &[[f64; 2]], polygon: &[u32], p: [f64; 2], q: [f64; 2]) -> bool {
+/// True if segment `p`-`q` crosses or touches an edge of the polygon that it shares no end with. Edge number `first` is looked at
+/// first, and then is the one that is crossed.
+fn crosses(points: &[[f64; 2]], polygon: &[u32], [p, q]: [[f64; 2]; 2], first: &mut usize) -> bool {
     let n = polygon.len();
-    (0..n).any(|i| {
+    let crossed = std::iter::once(*first).chain(0..n).find(|&i| {
         let (a, b) = (points[polygon[i] as usize], points[polygon[(i + 1) % n] as usize]);
         if a == p || a == q || b == p || b == q {
             return false;
@@ -313,7 +316,9 @@ fn crosses(points: &[[f64; 2]], polygon: &[u32], p: [f64; 2], q: [f64; 2]) -> bo
         let (s, t) = (orient2d(p, q, a), orient2d(p, q, b));
         let (u, v) = (orient2d(a, b, p), orient2d(a, b, q));
         (s > 0.0) != (t > 0.0) && (u > 0.0) != (v > 0.0)
-    })
+    });
+    *first = crossed.unwrap_or(*first);
+    crossed.is_some()
 }
 
 #[cfg(test)]
