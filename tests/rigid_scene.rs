@@ -331,6 +331,33 @@ fn pieces_of_many_cuts_come_to_lie_on_the_table() {
     }
 }
 
+/// Heaps of hulls that overlap and are a thousand times as heavy as others: they rocked for ever, or shot some a hundred metres up.
+#[test]
+fn heaps_of_pieces_come_to_rest_where_they_fell() {
+    for (name, faces, cuts) in [("sphere", 5000, 9), ("heart", 5000, 9), ("beam", 3000, 13)] {
+        let mut scene = falling(name, faces);
+        let (low, high) = scene.ground_bounds();
+        let size = (high - low).length();
+        let unit = |k: usize| (k as f64 * 0.754_877_666_246_69 + 0.1).fract() - 0.5;
+        for k in (0..cuts).map(|k| 10 * k) {
+            let normal = DVec3::new(unit(k), unit(k + 1), unit(k + 2)).normalize();
+            let at = 0.5 * (low + high) + (high - low) * 0.5 * DVec3::new(unit(k + 3), unit(k + 4), unit(k + 5));
+            scene.edit(cut(normal, normal.dot(at)));
+        }
+        let pieces = loose_ids(&scene).len();
+        let mut steps = 0;
+        while !scene.is_asleep() && steps < 600 {
+            scene.step(STEP);
+            steps += 1;
+        }
+        assert!(pieces > 30 && steps > 60 && steps < 600, "{name}: {pieces} pieces, {steps} steps");
+        for id in loose_ids(&scene) {
+            let (a, b) = bounds(&scene, id);
+            assert!(b.y < high.y + 0.5 * size && a.distance(low) < 4.0 * size, "{name} {id:?}: thrown to {a} .. {b}");
+        }
+    }
+}
+
 /// An edit of a random sequence, after each of which time passes.
 #[derive(Clone, Debug)]
 enum Step {

@@ -11,6 +11,7 @@ use glam::{DQuat, DVec3, Vec3};
 use rapier3d::dynamics::{IntegrationParameters, RigidBody, RigidBodyBuilder, RigidBodyHandle};
 use rapier3d::geometry::{ColliderBuilder, ColliderHandle, Group, InteractionGroups, InteractionTestMode};
 use rapier3d::math::Pose;
+use rapier3d::parry::bounding_volume::BoundingVolume;
 use rapier3d::parry::query;
 use rapier3d::parry::shape::SharedShape;
 use rapier3d::pipeline::PhysicsWorld;
@@ -29,19 +30,26 @@ const FASTEST: f64 = 100.0;
 
 /// What damps a loose body, linear and angular, 1/s.
 const DAMPING: [f32; 2] = [0.3, 1.0];
-/// A loose body that has not left this many of its radii is damped the more, this much more in every second after the first, and sleeps
-/// after this many seconds. Rapier's own sleep looks at velocities, and a hull that leans on a hull may rock on its corners for ever.
-const STILL: f64 = 0.8;
+/// A loose body that nothing has stirred for so many seconds is damped the more, this much more in every second after, and sleeps after
+/// this many unless it falls. Rapier's own sleep looks at velocities, and a heap of hulls may rock on its corners for ever.
+const STIRRED_S: f64 = 1.5;
 const CALMING: f64 = 20.0;
 const STILL_S: f64 = 4.0;
+/// What falls has more than this share of the speed at which damping bears its weight.
+const FALLS: f64 = 0.5;
 
 /// How fast a piece follows the hand that holds it, Hz.
 const CARRYING: f64 = 8.0;
 /// Width and depth of the table, in lengths of the world.
 const TABLE_WIDTH: f64 = 60.0;
 const TABLE_DEPTH: f64 = 5.0;
-/// What stands are among rapier's groups.
+/// What loose bodies, stands and crumbs are among rapier's groups.
+const LOOSE: Group = Group::GROUP_1;
 const STANDS: Group = Group::GROUP_2;
+const CRUMBS: Group = Group::GROUP_3;
+/// A piece of a smaller radius than this, in lengths of the world, is a crumb. It lies on the table and on stands, and passes through
+/// other pieces: between two that weigh a thousand times as much it would rattle for ever, or be shot out.
+const CRUMB: f64 = 0.02;
 
 /// Names a body for as long as the world lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -77,9 +85,7 @@ pub(super) struct Body {
     pub fresh: bool,
     /// Whether soft layers feel it.
     soft: bool,
-    /// Where it was when it was last seen to get anywhere.
-    still_at: RigidPose,
-    /// For how long it has not since then, s.
+    /// For how long nothing has stirred it, s.
     still_s: f64,
 }
 
@@ -115,7 +121,7 @@ impl RigidWorld {
         Self { world, bodies: BTreeMap::new(), next: 0, up, length, table: None, loose: 0 }
     }
 
-    /// What loose bodies lie on is about to change: none is about to lie still.
+    /// Something comes or goes that loose bodies may lie on: none is about to lie still.
     fn stir(&mut self) {
         self.bodies.values_mut().for_each(|b| b.still_s = 0.0);
     }
@@ -152,8 +158,15 @@ impl RigidWorld {
     pub fn add_hull(&mut self, points: &[DVec3], mass: f64, pose: RigidPose) -> Option<BodyId> {
         let pose = pose.checked()?;
         let (shape, solid) = convex(points)?;
+        let is_crumb = solid.ball().1 < CRUMB * self.length;
         let id = self.add_loose(shape, solid, mass, pose)?;
-        self.body_mut(id)?.soft = false;
+        let body = self.body_mut(id)?;
+        body.soft = false;
+        let handle = body.handle;
+        if let Some(collider) = self.collider(handle).filter(|_| is_crumb) {
+            let groups = InteractionGroups::new(CRUMBS, Group::ALL & !LOOSE & !CRUMBS, InteractionTestMode::And);
+            self.world.colliders[collider].set_collision_groups(groups);
+        }
         Some(id)
     }
 
@@ -163,7 +176,8 @@ impl RigidWorld {
         }
         let builder = RigidBodyBuilder::dynamic().pose(to_rapier(&pose)).ccd_enabled(true);
         let builder = builder.linear_damping(DAMPING[0]).angular_damping(DAMPING[1]);
-        let collider = ColliderBuilder::new(shape).mass(mass as f32).friction(0.6);
+        let groups = InteractionGroups::new(LOOSE, Group::ALL, InteractionTestMode::And);
+        let collider = ColliderBuilder::new(shape).mass(mass as f32).friction(0.6).collision_groups(groups);
         let (handle, _) = self.world.insert(builder, collider);
         self.loose += 1;
         Some(self.insert(Body::new(Some(handle), solid, pose, mass)))
@@ -180,15 +194,22 @@ impl RigidWorld {
         Some(self.insert(Body { soft: false, ..Body::new(Some(handle), solid, pose, 0.0) }))
     }
 
-    /// Gives a hull another shape, which wakes what lies on it; nothing happens if there is no such hull. What soft layers feel stays.
+    /// Gives a hull another shape, which wakes what lies on it or comes to; nothing happens if there is no such hull. What soft layers
+    /// feel stays.
     pub fn reshape(&mut self, id: BodyId, points: &[DVec3]) {
-        self.stir();
         let handle = self.bodies.get(&id).and_then(|b| b.handle);
-        if let (Some(collider), Some(shape)) = (self.collider(handle), hull(points)) {
-            self.world.colliders[collider].set_shape(shape);
-        }
-        if let Some(handle) = handle {
-            self.world.wake_up(handle, true);
+        let (Some(collider), Some(shape)) = (self.collider(handle), hull(points)) else { return };
+        let collider = &mut self.world.colliders[collider];
+        let before = collider.compute_aabb();
+        collider.set_shape(shape);
+        let reached = collider.compute_aabb().merged(&before).loosened((CRUMB * self.length) as f32);
+        for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
+            let Some(rigid) = body.handle.and_then(|handle| self.world.bodies.get_mut(handle)) else { continue };
+            let colliders = rigid.colliders().iter().filter_map(|&c| self.world.colliders.get(c));
+            if colliders.map(|c| c.compute_aabb()).any(|aabb| aabb.intersects(&reached)) {
+                body.still_s = 0.0;
+                rigid.wake_up(true);
+            }
         }
     }
 
@@ -209,8 +230,9 @@ impl RigidWorld {
             body.soft = true;
         }
         if let Some(collider) = self.collider(self.bodies.get(&id).and_then(|b| b.handle)) {
-            let groups = InteractionGroups::new(Group::GROUP_1, Group::ALL & !STANDS, InteractionTestMode::And);
-            self.world.colliders[collider].set_collision_groups(groups);
+            let collider = &mut self.world.colliders[collider];
+            let groups = collider.collision_groups();
+            collider.set_collision_groups(InteractionGroups { filter: groups.filter & !STANDS, ..groups });
         }
     }
 
@@ -462,23 +484,17 @@ impl RigidWorld {
 impl Body {
     fn new(handle: Option<RigidBodyHandle>, solid: Solid, pose: RigidPose, mass: f64) -> Self {
         let (push, felt) = (Push::default(), DVec3::ZERO);
-        let (fresh, soft, still_at, still_s) = (true, true, pose, 0.0);
-        Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh, soft, still_at, still_s }
+        Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh: true, soft: true, still_s: 0.0 }
     }
 
-    /// Damps a body that gets nowhere, and lets it sleep in the end.
+    /// Damps a body that nothing stirs, and lets it sleep in the end.
     fn calm(&mut self, rigid: &mut RigidBody, h: f64) {
-        let (middle, radius) = self.solid.ball();
-        let turned = radius * self.now.rotation.angle_between(self.still_at.rotation);
-        if self.now.point(middle).distance(self.still_at.point(middle)) + turned > STILL * radius {
-            (self.still_at, self.still_s) = (self.now, 0.0);
-        } else {
-            self.still_s += h;
-        }
-        let factor = (1.0 + CALMING * (self.still_s - 1.0).max(0.0)) as f32;
-        rigid.set_linear_damping(DAMPING[0] * factor);
-        rigid.set_angular_damping(DAMPING[1] * factor);
-        if self.still_s > STILL_S {
+        self.still_s += h;
+        let factor = 1.0 + CALMING * (self.still_s - STIRRED_S).max(0.0);
+        let [linear, angular] = DAMPING.map(|d| d * factor as f32);
+        rigid.set_linear_damping(linear);
+        rigid.set_angular_damping(angular);
+        if self.still_s > STILL_S && f64::from(rigid.linvel().length() * linear) < FALLS * GRAVITY {
             rigid.sleep();
         }
     }

@@ -102,3 +102,41 @@ fn a_force_of_any_stiffness_holds_a_ball() {
         assert!((y - still).abs() < 0.05 * still.abs() + 2e-3 && lowest > 3.0 * still - 0.05, "{stiffness}: {y} {lowest}");
     }
 }
+
+#[test]
+fn a_stand_that_moves_wakes_what_is_at_it_and_nothing_else() {
+    let mut world = RigidWorld::new(DVec3::Y, 0.3);
+    world.set_table(Some(-0.1));
+    let stand = world.add_stand(&corners(), RigidPose::IDENTITY).unwrap();
+    let at = [DVec3::Y * 0.25, DVec3::X].map(|p| world.add_hull(&corners(), 0.5, RigidPose::at(p)).unwrap());
+    (0..600).for_each(|_| world.step(1.0 / 90.0));
+    let places = |world: &RigidWorld| at.map(|id| world.pose(id).unwrap().translation);
+    let before = places(&world);
+    assert!(world.is_resting() && before[0].y > 0.19 && before[1].y < 1e-3, "{before:?}");
+    let lower: Vec<DVec3> = corners().iter().map(|p| DVec3::new(p.x, p.y.min(0.05), p.z)).collect();
+    world.reshape(stand, &lower);
+    (0..60).for_each(|_| world.step(1.0 / 90.0));
+    let after = places(&world);
+    assert!((after[0].y - before[0].y + 0.05).abs() < 5e-3 && after[1] == before[1], "{before:?} {after:?}");
+    // moved ten times a second, it keeps awake what lies on it alone
+    for _ in 0..60 {
+        world.reshape(stand, &corners());
+        (0..9).for_each(|_| world.step(1.0 / 90.0));
+    }
+    assert!(!world.is_resting() && places(&world)[1] == before[1]);
+}
+
+#[test]
+fn crumbs_lie_on_the_table_and_in_no_pieces_way() {
+    let mut world = RigidWorld::new(DVec3::Y, 0.3);
+    world.set_table(Some(-0.1));
+    let piece = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
+    let of_size = |share: f64| corners().iter().map(|p| *p * share).collect::<Vec<_>>();
+    let above = RigidPose::at(DVec3::Y * 0.2);
+    let crumb = world.add_hull(&of_size(0.03), 1e-5, above).unwrap();
+    let larger = world.add_hull(&of_size(0.05), 1e-5, above).unwrap();
+    (0..600).for_each(|_| world.step(1.0 / 90.0));
+    let y = |id| world.pose(id).unwrap().translation.y;
+    assert!(world.is_resting() && y(piece).abs() < 2e-3, "{}", y(piece));
+    assert!((y(crumb) + 0.097).abs() < 2e-3 && (y(larger) - 0.105).abs() < 2e-3, "{} {}", y(crumb), y(larger));
+}
