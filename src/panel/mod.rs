@@ -79,12 +79,11 @@ impl Panel {
         })
     }
 
-    /// Runs one frame on a surface that the panel fills, as on a board in the world.
+    /// Runs one frame on a surface that the panel fills, as on a board in the world: there is nothing beside it that could be laid over,
+    /// and nothing is laid over it.
     pub fn run_filling(&mut self, input: egui::RawInput, state: &mut PanelState) -> PanelFrame {
         self.run_with(input, |ui, actions| {
-            let free = ui.available_rect_before_wrap();
             egui::CentralPanel::default().show(ui, |ui| sections::all(ui, state, actions));
-            sections::overlays(ui, free, state);
             egui::Rect::NOTHING
         })
     }
@@ -157,7 +156,9 @@ mod tests {
         let mut actions = Vec::new();
         // sections that an earlier click has closed are open again
         panel.context.memory_mut(|memory| memory.data.clear());
-        for (at, press) in [(Some(at), None), (Some(at), Some(true)), (Some(at), Some(false)), (None, None)] {
+        // twice at rest: what is told finds its height in its first frame
+        let hovers = [(Some(at), None); 2];
+        for (at, press) in hovers.into_iter().chain([(Some(at), Some(true)), (Some(at), Some(false)), (None, None)]) {
             let mut frame = panel.run_pointer(size, at, press, state);
             actions.extend(frame.actions);
             frame.textures.clear();
@@ -182,6 +183,28 @@ mod tests {
             assert!(said.contains(&wanted), "{wanted:?} cannot be reached: {said:?}");
         }
         assert!(click(&mut panel, &mut state, [1.0, 2399.0]).is_empty(), "beside everything");
+    }
+
+    #[test]
+    fn what_a_board_tells_and_counts_covers_no_control() {
+        let plain = || PanelState { in_room: true, undo_depth: 1, ..PanelState::default() };
+        let told = || {
+            let text = "cannot write config.toml: it may not be written; start Incise where you may write".to_string();
+            PanelState { notice: Some(Notice { text, error: true }), counters_shown: true, ..plain() }
+        };
+        let mut panel = Panel::new();
+        let (mut reached, mut taken_away) = (Vec::new(), 0);
+        for y in (8..2400).step_by(9) {
+            for x in [30.0, 90.0, 150.0, 210.0, 270.0] {
+                let (at, mut state) = ([x, y as f32], told());
+                let said = click(&mut panel, &mut plain(), at);
+                assert_eq!(click(&mut panel, &mut state, at), said, "at {at:?}");
+                taken_away += usize::from(state.notice.is_none());
+                reached.extend(said);
+            }
+        }
+        assert!(reached.contains(&PanelAction::SaveConfig) && reached.contains(&PanelAction::Undo), "{reached:?}");
+        assert!(taken_away > 0, "OK takes it away");
     }
 
     #[test]

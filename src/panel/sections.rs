@@ -1,6 +1,6 @@
 //! The panel's parts, top to bottom.
 
-use super::state::{PanelAction, PanelState};
+use super::state::{Notice, PanelAction, PanelState};
 use crate::config::PresetName;
 use crate::input::Layer;
 use crate::surgery::WallMode;
@@ -63,6 +63,9 @@ pub fn all(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         });
     });
     ui.separator();
+    if state.in_room {
+        told_below(ui, state);
+    }
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         section(ui, "Model", true, |ui| model(ui, state, actions));
         section(ui, "Edits", true, |ui| edits(ui, state, actions));
@@ -446,23 +449,36 @@ fn length(metres: f64) -> String {
     if metres < 1.0 { format!("{:.1} mm", metres * 1e3) } else { format!("{metres:.2} m") }
 }
 
-/// Notices and help over the picture.
+/// What there is to be told, with a button that takes it away. Returns whether that was pressed.
+fn notice(ui: &mut Ui, notice: &Notice) -> bool {
+    let colour = if notice.error { Color32::from_rgb(240, 130, 110) } else { ui.visuals().text_color() };
+    ui.colored_label(colour, &notice.text);
+    ui.button("OK").clicked()
+}
+
+/// What there is to be told, in a row of its own at the lower edge: nothing moves under a hand that is about to press, and nothing is
+/// covered. What it takes is taken from the column that scrolls.
+fn told_below(ui: &mut Ui, state: &mut PanelState) {
+    let told = state.notice.as_ref();
+    let pressed = told.is_some_and(|told| egui::Panel::bottom("notice").resizable(false).show(ui, |ui| notice(ui, told)).inner);
+    if pressed {
+        state.notice = None;
+    }
+}
+
+/// Notices and help over a window's picture.
 pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
-    if let Some(notice) = state.notice.clone() {
-        let title = if notice.error { "That did not work" } else { "Done" };
-        let mut close = false;
-        egui::Window::new(title)
+    if let Some(told) = &state.notice {
+        let title = if told.error { "That did not work" } else { "Done" };
+        let pressed = egui::Window::new(title)
             .id(egui::Id::unique("notice"))
             .collapsible(false)
             .resizable(false)
             .default_width(420f32.min((free.width() - 64.0).max(120.0)))
             .fixed_pos(free.left_top() + egui::vec2(16.0, 16.0))
-            .show(ui.ctx(), |ui| {
-                let colour = if notice.error { Color32::from_rgb(240, 130, 110) } else { ui.visuals().text_color() };
-                ui.colored_label(colour, &notice.text);
-                close = ui.button("OK").clicked();
-            });
-        if close {
+            .show(ui.ctx(), |ui| notice(ui, told))
+            .and_then(|window| window.inner);
+        if pressed == Some(true) {
             state.notice = None;
         }
     }
