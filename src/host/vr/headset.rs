@@ -9,11 +9,12 @@ use super::fit::{Fit, GpuLoad};
 use super::input::{Input, located};
 use super::interop::{self, EyeDepth, Graphics};
 use super::lifecycle::{Lifecycle, Order};
+use super::passes;
 use super::runtime::Runtime;
 use super::space::{Placement, Pose};
 use super::swapchain::Images;
 use crate::app::{FrameCounters, FrameTarget, FrameView};
-use crate::config::{Multiview, VrSettings};
+use crate::config::VrSettings;
 use crate::diagnostics::Stages;
 use crate::gpu::{
     Bounds, DrawOptions, Fov, Instrument, LineSegment, Passes, RenderTarget, Scenery, ViewPose, ViewSet, VisibilityMask,
@@ -80,6 +81,7 @@ impl Headset {
         let views = runtime.instance.enumerate_view_configuration_views(runtime.system, STEREO).named("the eyes' sizes")?;
         let size = eye_size(&views);
         let images = Images::new(&session, &graphics.context, size, 2)?;
+        let passes = passes::choose(settings.multiview, &graphics.context, graphics.context.samples_of(images.format()));
         let depth = if runtime.extensions.khr_composition_layer_depth {
             Images::depth(&session, &graphics.context, size, 2)?
         } else {
@@ -108,7 +110,7 @@ impl Headset {
             blend,
             masks: Vec::new(),
             fit: Fit::new(settings.resolution_floor),
-            passes: passes(settings.multiview),
+            passes,
             events: xr::EventDataBuffer::new(),
             life: Lifecycle::default(),
             base_name,
@@ -116,9 +118,6 @@ impl Headset {
         };
         headset.load_masks();
         headset.compile()?;
-        if headset.passes == Passes::AtOnce && !headset.multiview() {
-            tracing::warn!("vr.multiview is \"on\", but {} cannot draw both eyes at once: a pass for each", headset.adapter());
-        }
         if !headset.mirror.renderer_mut().set_timing(true) {
             tracing::info!("this adapter tells no times, so pictures keep their size");
         }
@@ -145,8 +144,7 @@ impl Headset {
 
     /// True if both eyes are drawn in one pass.
     pub fn multiview(&self) -> bool {
-        let context = &self.graphics.context;
-        self.images.as_ref().is_some_and(|i| self.passes.at_once(context, 2, context.samples_of(i.format())))
+        self.passes == Passes::AtOnce
     }
 
     /// True if the compositor is told how far away things are.
@@ -327,15 +325,6 @@ fn base_space(runtime: &Runtime, session: &xr::Session<xr::Vulkan>) -> Result<(x
         true,
     ));
     Ok((session.create_reference_space(kind, xr::Posef::IDENTITY).named("the space of the room")?, name))
-}
-
-/// How the eyes are to be drawn.
-fn passes(multiview: Multiview) -> Passes {
-    match multiview {
-        Multiview::Auto => Passes::Auto,
-        Multiview::On => Passes::AtOnce,
-        Multiview::Off => Passes::Each,
-    }
 }
 
 /// As the runtime recommends, both eyes alike: they are layers of one image.

@@ -13,7 +13,7 @@
 //! | [`board`], [`desk`] | the panel on a board in the room; what it asks for is carried out |
 //! | [`fit`] | how much of the pictures is drawn: as much as the GPU has time for |
 //! | `capture`, [`eye_mirror`] | pictures brought back; one eye in a window, for those who look on |
-//! | `headset` | one session: swapchain, spaces, a frame |
+//! | `headset`, `passes` | one session: swapchain, spaces, a frame; whether both eyes are drawn at once |
 //! | [`mod@run`], [`outcome`] | the loop over frames and sessions; what it has to tell in the end |
 //! | [`lockstep`] | a test driver's hold on the loop |
 
@@ -36,6 +36,7 @@ pub mod lifecycle;
 pub mod lockstep;
 pub mod outcome;
 pub mod palm;
+mod passes;
 pub mod run;
 pub mod runtime;
 pub mod space;
