@@ -23,7 +23,7 @@ fn pinch(led: &mut Led) -> usize {
 fn a_bare_hand_opens_the_panel_with_its_palm_and_grabs_with_a_pinch() {
     let service = Service::start("bare", Compositor::Null);
     let layers = Layers::of(&service);
-    let mut led = Led::start(&service, &["heart", "--animation", "none", "--out", "out"], &layers.environment());
+    let mut led = Led::heart(&service, &[], &layers.environment());
     led.frame(false);
     // Fingers up, the palm to the face, beside the model.
     led.hand(LEFT).bare = true;

@@ -65,7 +65,7 @@ fn middle(report: &Value, frame: usize, (low, high): (DVec3, DVec3)) -> DVec3 {
 fn undo_redo_reset_and_recentre_do_what_their_buttons_say() {
     let service = Service::start("buttons", Compositor::Null);
     let layers = Layers::of(&service);
-    let mut led = Led::start(&service, &["heart", "--animation", "none", "--out", "out"], &layers.environment());
+    let mut led = Led::heart(&service, &[], &layers.environment());
     for _ in 0..3 {
         led.frame(false);
     }

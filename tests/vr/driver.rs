@@ -39,6 +39,11 @@ pub struct Led {
 }
 
 impl Led {
+    /// Starts the program with a heart at rest, whose report goes into `out`, and more arguments.
+    pub fn heart(service: &Service, arguments: &[&str], more: &[(&str, &str)]) -> Self {
+        Self::start(service, &[&["heart", "--animation", "none", "--out", "out"], arguments].concat(), more)
+    }
+
     /// Starts the program with these arguments and waits until it has focus.
     pub fn start(service: &Service, arguments: &[&str], more: &[(&str, &str)]) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a port");

@@ -173,7 +173,7 @@ fn a_runtime_that_dies_leaves_the_work() {
 fn a_runtime_that_comes_back_is_used_again() {
     let mut service = Service::start("back", Compositor::Null);
     let settings = patience(&service, 120.0);
-    let mut led = Led::start(&service, &["heart", "--animation", "none", "--out", "out", "--config", &settings], &[]);
+    let mut led = Led::heart(&service, &["--config", &settings], &[]);
     tear(&mut led);
     service.kill();
     service.start_monado();

@@ -47,7 +47,7 @@ fn a_menu_of_the_runtime_takes_the_hands_and_gives_them_back() {
         ("XR_ENABLE_API_LAYERS", both.as_str()),
         ("INCISE_FOCUS_AWAY", away.to_str().expect("a plain name")),
     ]);
-    let mut led = Led::start(&service, &["heart", "--animation", "none", "--out", "out"], &environment);
+    let mut led = Led::heart(&service, &[], &environment);
     for _ in 0..3 {
         led.frame(false);
     }

@@ -14,8 +14,7 @@ fn run(multiview: &str) -> (Value, [image::RgbImage; 2]) {
     let settings = service.folder.join("multiview.toml");
     std::fs::write(&settings, format!("[vr]\nmultiview = \"{multiview}\"\n")).expect("written");
     let settings = settings.to_str().expect("a plain name");
-    let arguments = ["heart", "--animation", "none", "--config", settings, "--out", "out"];
-    let mut led = Led::start(&service, &arguments, &layers.environment());
+    let mut led = Led::heart(&service, &["--config", settings], &layers.environment());
     led.frame(false);
     tear(&mut led, 0.1);
     for _ in 0..4 {

@@ -70,7 +70,7 @@ fn press(led: &mut Led, tip: DVec3, at: DVec3) {
 fn the_panel_is_opened_pointed_at_and_pressed_and_costs_nothing_closed() {
     let service = Service::start("panel", Compositor::Null);
     let layers = Layers::of(&service);
-    let mut led = Led::start(&service, &["heart", "--animation", "none", "--out", "out"], &layers.environment());
+    let mut led = Led::heart(&service, &[], &layers.environment());
     let board = placed(&Pose { position: DVec3::from_array(HEAD.map(f64::from)), rotation: DQuat::IDENTITY });
     let wall = place_of(&shown(0), |_, state| state.config.tear.wall == WallMode::Closed);
     let undo = place_of(&shown(1), |action, _| *action == PanelAction::Undo);
@@ -126,8 +126,7 @@ fn the_panel_is_opened_pointed_at_and_pressed_and_costs_nothing_closed() {
 fn what_the_panel_has_written_is_written_behind_the_frames_back() {
     let service = Service::start("files", Compositor::Null);
     // The software driver's cache of what it has compiled would read files.
-    let arguments = ["heart", "--animation", "none", "--out", "out"];
-    let mut led = Led::start(&service, &arguments, &[("MESA_SHADER_CACHE_DISABLE", "true")]);
+    let mut led = Led::heart(&service, &[], &[("MESA_SHADER_CACHE_DISABLE", "true")]);
     let board = placed(&Pose { position: DVec3::from_array(HEAD.map(f64::from)), rotation: DQuat::IDENTITY });
     let outside = led.high + DVec3::new(0.0, 0.0, 3.0 * (led.high - led.low).z);
     tear(&mut led, 0.1);

@@ -28,7 +28,7 @@ const STROKE_FRAMES: usize = 40;
 
 /// Tears down the front with the right hand, pulls with the left, cuts in two with the right; from then on the GPU takes `gpu_ms`.
 fn operate(service: &Service, more: &[(&str, &str)], gpu_ms: f64) -> Run {
-    let mut led = Led::start(service, &["heart", "--animation", "none", "--out", "out"], more);
+    let mut led = Led::heart(service, &[], more);
     let (low, high) = (led.low, led.high);
     let size = high - low;
     let middle = 0.5 * (low + high);
