@@ -2,7 +2,8 @@
 
 use super::CliError;
 use crate::config::Config;
-use crate::formats::{self, FormatError, Model};
+use crate::formats::{self, FormatError, Material, Model};
+use crate::geometry::Mesh;
 #[cfg(any(feature = "desktop", feature = "vr"))]
 use crate::host::{
     models::{Loaded, Request, Tell},
@@ -11,7 +12,7 @@ use crate::host::{
 use crate::input::ParticleOverrides;
 use crate::particles::ParticleSettings;
 use crate::physics::NetworkSettings;
-use crate::rig::Rig;
+use crate::rig::{Pose, Rig, VertexRows};
 use crate::scene::{Scene, SceneSettings};
 use crate::surgery::{BladePath, PathError};
 use crate::tissue::{Tissue, TissueSettings};
@@ -226,12 +227,9 @@ pub fn export(scene: &Scene) -> Encode {
     let pieces: Vec<_> = scene.tissues().map(|(_, t)| (t.mesh().clone(), t.rows().clone(), t.materials().clone())).collect();
     let names = piece_names(scene);
     Box::new(move || {
-        let Some((rig, pose)) = first else { return Err("the scene is empty".into()) };
-        let mut nodes = Vec::with_capacity(pieces.len());
-        for ((mesh, rows, materials), name) in pieces.iter().zip(&names) {
-            nodes.push(formats::ExportPiece { name, mesh, rows, materials });
-        }
-        formats::export_glb(&rig, &nodes, &pose).map(|(bytes, _)| bytes).map_err(|e| e.to_string())
+        let first = first.as_ref().map(|(rig, pose)| (&**rig, pose));
+        let pieces = named(&names, pieces.iter().map(|(mesh, rows, materials)| (mesh, rows, &***materials)));
+        glb(first, &pieces).map(|(bytes, _)| bytes).map_err(CliError::into_message)
     })
 }
 
@@ -246,21 +244,28 @@ pub fn piece_names(scene: &Scene) -> Vec<String> {
 
 /// The scene's tissues as exporters take them.
 pub fn export_pieces<'a>(scene: &'a Scene, names: &'a [String]) -> Vec<formats::ExportPiece<'a>> {
-    let piece = |((_, t), name): ((_, &'a Tissue), &'a String)| formats::ExportPiece {
-        name,
-        mesh: t.mesh(),
-        rows: t.rows(),
-        materials: t.materials(),
-    };
-    scene.tissues().zip(names).map(piece).collect()
+    named(names, scene.tissues().map(|(_, t)| (t.mesh(), t.rows(), &***t.materials())))
+}
+
+/// Pieces as exporters take them, of what each is made of.
+fn named<'a>(
+    names: &'a [String],
+    parts: impl Iterator<Item = (&'a Mesh, &'a VertexRows, &'a [Material])>,
+) -> Vec<formats::ExportPiece<'a>> {
+    names.iter().zip(parts).map(|(name, (mesh, rows, materials))| formats::ExportPiece { name, mesh, rows, materials }).collect()
+}
+
+/// Pieces as binary glTF, with rig and pose of the first, and the largest deviation of their plain skin weights (MATHS 1.8).
+fn glb(first: Option<(&Rig, &Pose)>, pieces: &[formats::ExportPiece<'_>]) -> Result<(Vec<u8>, f64), CliError> {
+    let Some((rig, pose)) = first else { return Err(CliError::Run("the scene is empty".into())) };
+    let (bytes, report) = formats::export_glb(rig, pieces, pose).map_err(CliError::run)?;
+    Ok((bytes, report.deviation))
 }
 
 /// The whole scene as binary glTF, a node a piece, and the largest deviation of its plain skin weights (MATHS 1.8).
 pub fn scene_glb(scene: &Scene) -> Result<(Vec<u8>, f64), CliError> {
     let names = piece_names(scene);
-    let Some((_, first)) = scene.tissues().next() else { return Err(CliError::Run("the scene is empty".into())) };
-    let (bytes, report) = formats::export_glb(first.rig(), &export_pieces(scene, &names), first.pose()).map_err(CliError::run)?;
-    Ok((bytes, report.deviation))
+    glb(scene.tissues().next().map(|(_, t)| (&**t.rig(), t.pose())), &export_pieces(scene, &names))
 }
 
 /// The output format.
