@@ -233,6 +233,18 @@ pub enum Dexterity {
     Right,
 }
 
+impl Dexterity {
+    /// The better hand's number: 0 is the left one.
+    pub fn hand(self) -> usize {
+        if self == Self::Left { 0 } else { 1 }
+    }
+
+    /// The other hand is the better one.
+    pub fn other(self) -> Self {
+        if self == Self::Left { Self::Right } else { Self::Left }
+    }
+}
+
 /// Whether both eyes are drawn in one pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]

@@ -4,13 +4,12 @@
 use super::VrError;
 use super::board::Board;
 use super::capture::Capture;
-use super::hands::{Hands, Tool};
+use super::hands::Hands;
 use super::headset::Headset;
 use super::input::HandsInput;
 use super::run::VrOptions;
 use super::space::Pose;
 use crate::app::{App, FrameReport};
-use crate::config::Dexterity;
 use crate::diagnostics::Stages;
 use crate::formats::BUNDLED;
 use crate::host::models::{self, Arrival, Loaded, Loader, Request};
@@ -143,7 +142,7 @@ impl Desk {
             PanelAction::Material(_) | PanelAction::SettingsChanged => models::apply_settings(app, state),
             PanelAction::SwapHands => {
                 hands.swap_tools(&mut frame.commands);
-                state.config.vr.hand = if hands.tool(0) == Tool::Scalpel { Dexterity::Left } else { Dexterity::Right };
+                state.config.vr.hand = state.config.vr.hand.other();
             }
             PanelAction::PlaneTool(on) => hands.use_plane(on, &mut frame.commands),
             PanelAction::Calibrate(on) => {

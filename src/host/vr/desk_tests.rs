@@ -2,6 +2,7 @@
 
 use super::super::space::Placement;
 use super::*;
+use crate::config::Dexterity;
 use crate::formats::load;
 use crate::input::Layer;
 use crate::scene::{Scene, SceneSettings};

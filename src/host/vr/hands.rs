@@ -14,7 +14,7 @@ use super::haptics::Felt;
 use super::input::{Hand, HandsInput};
 use super::palm::PalmMenu;
 use super::space::{Placement, Pose, SnapTurn};
-use crate::config::{Dexterity, VrSettings};
+use crate::config::VrSettings;
 use crate::geometry::Plane;
 use crate::input::tools::{Forceps, Pinch, Scalpel, Squeeze};
 use crate::scene::{EditCommand, Scene};
@@ -172,8 +172,7 @@ pub struct Hands {
 impl Hands {
     /// The scalpel in the better hand, forceps in the other. `tear_width` is a fraction of the model's diagonal.
     pub fn new(settings: VrSettings, tear_width: f64, placement: Placement) -> Self {
-        let better = if settings.hand == Dexterity::Left { 0 } else { 1 };
-        let tool = |hand: usize| if hand == better { Tool::Scalpel } else { Tool::Forceps };
+        let tool = |hand: usize| if hand == settings.hand.hand() { Tool::Scalpel } else { Tool::Forceps };
         let grip = |hand: usize| {
             let id = GRABS + 3 * hand as u32;
             Grip {

@@ -1,6 +1,7 @@
 //! Hands over a sphere of 1 m, shown at 0.4 m: what they ask for and what comes of it.
 
 use super::*;
+use crate::config::Dexterity;
 use crate::formats::load;
 use crate::scene::{EditReport, SceneSettings};
 use crate::surgery::SamplingSettings;
