@@ -115,6 +115,16 @@ impl Act {
             Self::Pulse => Kind::Output,
         }
     }
+
+    /// True for a button that some controller has in the middle of the pad that turns the user at its sides.
+    pub fn is_on_pad(self) -> bool {
+        let clicks = |path: &str, pad: &str| !pad.is_empty() && path.strip_prefix(pad) == Some("/click");
+        PROFILES.iter().any(|profile| {
+            let pad = profile.rows.iter().find(|row| row.0 == Self::TurnPad);
+            let mut buttons = profile.rows.iter().filter(|row| row.0 == self);
+            pad.is_some_and(|pad| buttons.any(|row| clicks(row.1, pad.1) || clicks(row.2, pad.2)))
+        })
+    }
 }
 
 /// One row of a controller: the action, and its input on the left and on the right hand ("" where there is none).
@@ -324,6 +334,12 @@ mod tests {
                 assert!(tears, "{}: either hand can tear, so that left-handed use works", profile.title);
             }
         }
+    }
+
+    #[test]
+    fn the_pad_of_the_wand_is_a_button_in_its_middle() {
+        let on_pad: Vec<Act> = Act::ALL.into_iter().filter(|act| act.is_on_pad()).collect();
+        assert_eq!(on_pad, [Act::Plane, Act::Undo]);
     }
 
     #[test]
