@@ -60,26 +60,32 @@ pub enum Arrival {
 /// Loads models behind the user's back, one at a time; of several wishes the last one counts.
 #[derive(Default)]
 pub struct Loader {
+    wake: Wake,
     coming: Option<(Request, Receiver<Word>)>,
-    next: Option<(Load, Request, Wake)>,
+    next: Option<(Load, Request)>,
 }
 
 impl Loader {
+    /// One that tells when there is something to take.
+    pub fn new(wake: Wake) -> Self {
+        Self { wake, ..Self::default() }
+    }
+
     /// Starts to load, or will when the model that is being loaded is there. What there is to be told goes to the panel.
-    pub fn begin(&mut self, load: &Load, request: Request, wake: Wake, panel: &mut PanelState) {
+    pub fn begin(&mut self, load: &Load, request: Request, panel: &mut PanelState) {
         if let Some((coming, _)) = &self.coming {
             if coming.model != request.model {
                 panel.tell(format!("{} is being loaded already; {} comes after it.", coming.model, request.model));
             }
-            self.next = Some((load.clone(), request, wake));
+            self.next = Some((load.clone(), request));
             return;
         }
         let (sender, receiver) = channel();
-        let (load, wanted) = (load.clone(), request.clone());
+        let (load, wake, wanted) = (load.clone(), self.wake.clone(), request.clone());
         let begun = std::thread::Builder::new().name("loader".into()).spawn(move || {
             let say = |word| {
                 drop(sender.send(word));
-                wake();
+                wake.call();
             };
             let done = load(&request, &|what, part| say(Word::Step(what, part)));
             say(Word::Done(Box::new(done)));
@@ -111,8 +117,8 @@ impl Loader {
         };
         panel.loading = None;
         let wanted = self.coming.take().map(|(wanted, _)| wanted);
-        if let Some((load, request, wake)) = self.next.take() {
-            self.begin(&load, request, wake, panel);
+        if let Some((load, request)) = self.next.take() {
+            self.begin(&load, request, panel);
             return Arrival::Told;
         }
         match (result, wanted) {
@@ -198,7 +204,9 @@ mod tests {
 
     #[test]
     fn a_model_that_cannot_be_loaded_leaves_what_was_there_and_says_so() {
-        let (mut loader, mut panel) = (Loader::default(), PanelState::default());
+        let (told, called) = channel();
+        let mut loader = Loader::new(Wake::new(move || told.send(()).unwrap_or_default()));
+        let mut panel = PanelState::default();
         let request = |model: &str| Request { model: model.into(), config: Config::default(), spacing: None };
         let (open_gate, gate) = channel::<()>();
         let gate = std::sync::Mutex::new(gate);
@@ -207,24 +215,19 @@ mod tests {
             gate.lock().expect("one thread").recv().expect("let on");
             Err(format!("{}: no such file", request.model))
         });
-        let (told, called) = channel();
-        let wake = || -> Wake {
-            let told = told.clone();
-            Box::new(move || told.send(()).unwrap_or_default())
-        };
-        loader.begin(&fails, request("nowhere.glb"), wake(), &mut panel);
+        loader.begin(&fails, request("nowhere.glb"), &mut panel);
         assert_eq!(panel.loading.as_ref().map(|p| p.text.as_str()), Some("loading nowhere.glb"));
         assert!(called.recv_timeout(Duration::from_secs(60)).is_ok(), "the host is woken for a step");
         assert!(matches!(loader.take(&mut panel), Arrival::Told));
         assert_eq!(panel.loading, Some(Progress { text: "nowhere.glb: reading".into(), part: 0.25 }));
         assert!(matches!(loader.take(&mut panel), Arrival::Nothing), "each word once");
         for model in ["there.glb", "elsewhere.glb"] {
-            loader.begin(&fails, request(model), wake(), &mut panel);
+            loader.begin(&fails, request(model), &mut panel);
             assert!(panel.notice.take().is_some_and(|n| n.text.contains("already") && n.text.contains(model)), "one at a time");
         }
-        loader.begin(&fails, request("nowhere.glb"), wake(), &mut panel);
+        loader.begin(&fails, request("nowhere.glb"), &mut panel);
         assert!(panel.notice.is_none(), "the same model with other settings is no news");
-        loader.begin(&fails, request("elsewhere.glb"), wake(), &mut panel);
+        loader.begin(&fails, request("elsewhere.glb"), &mut panel);
         panel.notice = None;
         (0..2).for_each(|_| open_gate.send(()).expect("the loader waits"));
         let (loaded, told) = answer(&mut loader, &mut panel);
@@ -244,7 +247,7 @@ mod tests {
         let (mut loader, mut panel) = (Loader::default(), PanelState::default());
         let request = Request { model: "odd.glb".into(), config: Config::default(), spacing: None };
         let breaks: Load = Arc::new(|_, _| panic!("on purpose"));
-        loader.begin(&breaks, request, Box::new(|| ()), &mut panel);
+        loader.begin(&breaks, request, &mut panel);
         assert!(answer(&mut loader, &mut panel).0.is_none() && panel.loading.is_none());
         assert!(panel.notice.is_some_and(|n| n.error && n.text.contains("broke off")));
     }

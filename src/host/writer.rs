@@ -6,13 +6,35 @@ use crate::panel::PanelState;
 use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
 /// Turns what was taken of a scene into a file's bytes. Called on the writer's thread.
 pub type Encode = Box<dyn FnOnce() -> Result<Vec<u8>, String> + Send>;
-/// Called on the writer's thread when there is something to take.
-pub type Wake = Box<dyn Fn() + Send>;
+
+/// Tells a host from another thread that there is something to take. By default there is nobody to be told: whoever makes frames
+/// all the time looks by itself.
+#[derive(Clone)]
+pub struct Wake(Arc<dyn Fn() + Send + Sync>);
+
+impl Wake {
+    /// Calls this on the other thread.
+    pub fn new(call: impl Fn() + Send + Sync + 'static) -> Self {
+        Self(Arc::new(call))
+    }
+
+    /// Tells.
+    pub fn call(&self) {
+        (self.0)();
+    }
+}
+
+impl Default for Wake {
+    fn default() -> Self {
+        Self::new(|| ())
+    }
+}
 
 /// Where a picture goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,6 +97,7 @@ const MOST_UNDER_WAY: usize = 8;
 /// Writes files behind a frame's back, in the order that they were asked for.
 #[derive(Default)]
 pub struct Writer {
+    wake: Wake,
     thread: Option<Thread>,
     under_way: usize,
     /// Answers that a waiting frame has taken and nobody has been told of.
@@ -82,14 +105,19 @@ pub struct Writer {
 }
 
 struct Thread {
-    orders: Sender<(Order, Wake)>,
+    orders: Sender<Order>,
     answers: Receiver<Answer>,
     handle: JoinHandle<()>,
 }
 
 impl Writer {
+    /// One that tells when there is something to take.
+    pub fn new(wake: Wake) -> Self {
+        Self { wake, thread: None, under_way: 0, taken: VecDeque::new() }
+    }
+
     /// Has it written. Does not wait, but for a recording that the disk does not keep up with.
-    pub fn order(&mut self, order: Order, wake: Wake) {
+    pub fn order(&mut self, order: Order) {
         let recorded = matches!(order, Order::Picture { album: Album::Recording, .. });
         while recorded && self.under_way >= MOST_UNDER_WAY {
             let Some(answer) = self.thread.as_ref().and_then(|t| t.answers.recv().ok()) else { break };
@@ -97,7 +125,7 @@ impl Writer {
             self.taken.push_back(answer);
         }
         if self.thread.is_none() {
-            match Thread::start() {
+            match Thread::start(self.wake.clone()) {
                 Ok(thread) => self.thread = Some(thread),
                 Err(why) => {
                     let words = format!("nothing can be written: {why}; close other programs and try again");
@@ -107,7 +135,7 @@ impl Writer {
         }
         if let Some(thread) = &self.thread {
             self.under_way += 1;
-            drop(thread.orders.send((order, wake))); // it listens as long as we do
+            drop(thread.orders.send(order)); // it listens as long as we do
         }
     }
 
@@ -158,18 +186,18 @@ impl Drop for Writer {
 }
 
 impl Thread {
-    fn start() -> std::io::Result<Self> {
-        let (orders, asked) = channel::<(Order, Wake)>();
+    fn start(wake: Wake) -> std::io::Result<Self> {
+        let (orders, asked) = channel::<Order>();
         let (sender, answers) = channel();
         let handle = std::thread::Builder::new().name("writer".into()).spawn(move || {
             let mut pictures = Pictures::default();
-            for (order, wake) in asked {
+            for order in asked {
                 let answer = catch_unwind(AssertUnwindSafe(|| pictures.carry_out(order)))
                     .unwrap_or_else(|_| Answer::Failed("the writer broke off; this file is not what it should be".into()));
                 let silent = matches!(answer, Answer::Silent);
                 drop(sender.send(answer)); // who does not listen has left
                 if !silent {
-                    wake();
+                    wake.call();
                 }
             }
         })?;
@@ -254,10 +282,15 @@ mod tests {
     use std::sync::mpsc::sync_channel;
     use std::time::Duration;
 
-    /// What an order comes to.
-    fn answer(writer: &mut Writer, order: Order) -> PanelState {
+    /// A writer, and what tells that it has something to say.
+    fn writer() -> (Writer, Receiver<()>) {
         let (waker, woken) = channel();
-        writer.order(order, Box::new(move || waker.send(()).unwrap_or_default()));
+        (Writer::new(Wake::new(move || waker.send(()).unwrap_or_default())), woken)
+    }
+
+    /// What an order comes to.
+    fn answer((writer, woken): &mut (Writer, Receiver<()>), order: Order) -> PanelState {
+        writer.order(order);
         woken.recv_timeout(Duration::from_secs(60)).expect("the host is woken");
         let mut panel = PanelState { recording: true, ..PanelState::default() };
         assert!(writer.take(&mut panel) && !writer.take(&mut panel), "each word once");
@@ -266,7 +299,7 @@ mod tests {
 
     #[test]
     fn settings_are_written_or_it_is_said_why_not() {
-        let mut writer = Writer::default();
+        let mut writer = writer();
         let settings = |file: &Path| {
             let mut config = Config::default();
             config.vr.tip_offset = [0.01, -0.02, -0.2];
@@ -283,7 +316,7 @@ mod tests {
 
     #[test]
     fn a_model_that_breaks_is_said_and_the_next_is_written() {
-        let mut writer = Writer::default();
+        let mut writer = writer();
         let folder = tempfile::tempdir().expect("a folder");
         let model = |encode: Encode| Order::Model(folder.path().join("export.glb"), encode);
         for (encode, words) in [
@@ -307,8 +340,8 @@ mod tests {
             gate.recv().expect("let on");
             Ok(vec![7])
         });
-        writer.order(Order::Model(files[0].clone(), encode), Box::new(|| ()));
-        writer.order(Order::Model(files[1].clone(), Box::new(|| Ok(vec![8]))), Box::new(|| ()));
+        writer.order(Order::Model(files[0].clone(), encode));
+        writer.order(Order::Model(files[1].clone(), Box::new(|| Ok(vec![8]))));
         let mut panel = PanelState::default();
         assert!(!writer.take(&mut panel) && panel.notice.is_none() && !files[0].exists(), "both are under way");
         open_gate.send(()).expect("it waits");

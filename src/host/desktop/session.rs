@@ -47,8 +47,6 @@ pub struct Session {
     setup: Setup,
     loader: Loader,
     writer: Writer,
-    /// Makes what wakes the window's loop from another thread.
-    wake: Box<dyn Fn() -> Wake>,
     input: InputFrame,
     time_s: f64,
     last_frame: Option<Instant>,
@@ -65,8 +63,8 @@ pub struct Session {
 }
 
 impl Session {
-    /// A session with a model. `wake` makes what wakes the window's loop.
-    pub fn new(setup: Setup, first: Loaded, size: [f64; 2], wake: Box<dyn Fn() -> Wake>) -> Self {
+    /// A session with a model. `wake` wakes the window's loop.
+    pub fn new(setup: Setup, first: Loaded, size: [f64; 2], wake: Wake) -> Self {
         let panel =
             PanelState { config: setup.config.clone(), bundled: crate::formats::BUNDLED.to_vec(), ..PanelState::default() };
         let Loaded { scene, name, warnings } = first;
@@ -80,9 +78,8 @@ impl Session {
             wishes: Vec::new(),
             scene_changed: true,
             setup,
-            loader: Loader::default(),
-            writer: Writer::default(),
-            wake,
+            loader: Loader::new(wake.clone()),
+            writer: Writer::new(wake),
             input: InputFrame::default(),
             time_s: 0.0,
             last_frame: None,
@@ -323,12 +320,12 @@ impl Session {
     }
 
     fn load(&mut self, request: Request) {
-        self.loader.begin(&self.setup.load, request, (self.wake)(), &mut self.panel);
+        self.loader.begin(&self.setup.load, request, &mut self.panel);
     }
 
     /// Has a file written.
     pub fn write(&mut self, order: Order) {
-        self.writer.order(order, (self.wake)());
+        self.writer.order(order);
     }
 
     /// Tells what has been written meanwhile.

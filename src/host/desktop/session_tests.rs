@@ -45,7 +45,7 @@ fn session(file: &Path) -> (Session, Arc<Mutex<Vec<Request>>>) {
         allocations: || 0,
     };
     let first = loaded("sphere").expect("bundled");
-    (Session::new(setup, first, SIZE, Box::new(|| Box::new(|| {}))), asked)
+    (Session::new(setup, first, SIZE, Wake::default()), asked)
 }
 
 /// Lets the loader finish.

@@ -152,15 +152,12 @@ impl Live {
         let screen = Screen::new(events, &window)?;
         let (panel, state) = panel_on(&window, &screen, events, repaint_by(&proxy));
         let waker = proxy.clone();
-        let wake = move || -> WakeCall {
-            let proxy = waker.clone();
-            Box::new(move || drop(proxy.send_event(Wake::Loaded)))
-        };
+        let wake = WakeCall::new(move || drop(waker.send_event(Wake::Loaded)));
         let scale = window.scale_factor();
         let (width, height) = screen.size();
         let canvas = [f64::from(crate::panel::WIDTH) * scale, 0.0, f64::from(width), f64::from(height)];
         let size = [canvas[2] - canvas[0], canvas[3]];
-        let mut session = Session::new(setup, first, size, Box::new(wake));
+        let mut session = Session::new(setup, first, size, wake);
         session.panel.adapter = screen.adapter_name().to_string();
         window.request_redraw();
         Ok(Self {

@@ -150,10 +150,10 @@ impl Desk {
                 hands.calibrate(on, &mut frame.commands);
             }
             PanelAction::Export => match options.export {
-                Some(export) => self.writer.order(models::export(&app.scene, export), Box::new(|| ())),
+                Some(export) => self.writer.order(models::export(&app.scene, export)),
                 None => state.fail("this build writes no models"),
             },
-            PanelAction::SaveConfig => self.writer.order(models::save_config(&options.config_file, state), Box::new(|| ())),
+            PanelAction::SaveConfig => self.writer.order(models::save_config(&options.config_file, state)),
             PanelAction::Screenshot => self.wants_picture = true,
             PanelAction::OpenDialog | PanelAction::Record(_) | PanelAction::Vsync(_) => {} // a window's; not on this board
         }
@@ -163,7 +163,7 @@ impl Desk {
         let state = &mut self.board.state;
         let Some(load) = &options.load else { return state.fail("this build loads no other models") };
         let request = Request { model, config: state.config.clone(), spacing };
-        self.loader.begin(load, request, Box::new(|| ()), state);
+        self.loader.begin(load, request, state);
     }
 
     /// Takes a model that has been loaded meanwhile; it stands where one stands at the start.
@@ -221,7 +221,7 @@ impl Desk {
     pub fn write_picture(&mut self, picture: &Capture) {
         let (width, height) = picture.size;
         let pixels = picture.eyes[0].clone();
-        self.writer.order(Order::Picture { album: Album::Headset, width, height, pixels }, Box::new(|| ()));
+        self.writer.order(Order::Picture { album: Album::Headset, width, height, pixels });
     }
 }
 
