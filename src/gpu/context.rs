@@ -225,6 +225,12 @@ impl Context {
         self.check()
     }
 
+    /// Takes in what has run meanwhile, without waiting.
+    pub fn look(&self) -> Result<(), GpuError> {
+        self.device.poll(wgpu::PollType::Poll).map_err(|e| GpuError::Lost(e.to_string()))?;
+        self.check()
+    }
+
     /// Errors if the device was lost, ran out of memory, or refused a call.
     pub fn check(&self) -> Result<(), GpuError> {
         self.failure.get().map_or(Ok(()), |text| Err(GpuError::Lost(text.clone())))

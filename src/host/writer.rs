@@ -10,7 +10,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::JoinHandle;
 
-/// Turns what was taken of a scene into a file's bytes. Called on the writer's thread.
+/// Turns what a frame has taken into bytes: of a file, or pixels. Called on the writer's thread, which may wait.
 pub type Encode = Box<dyn FnOnce() -> Result<Vec<u8>, String> + Send>;
 
 /// Tells a host from another thread that there is something to take. By default there is nobody to be told: whoever makes frames
@@ -70,8 +70,8 @@ pub enum Order {
         width: u32,
         /// Pixels.
         height: u32,
-        /// RGBA8, rows from the top.
-        pixels: Vec<u8>,
+        /// RGBA8, rows from the top, once the GPU has them.
+        pixels: Encode,
     },
     /// No more pictures of every frame: how many there are is told.
     EndRecording,
@@ -119,10 +119,8 @@ impl Writer {
     /// Has it written. Does not wait, but for a recording that the disk does not keep up with.
     pub fn order(&mut self, order: Order) {
         let recorded = matches!(order, Order::Picture { album: Album::Recording, .. });
-        while recorded && self.under_way >= MOST_UNDER_WAY {
-            let Some(answer) = self.thread.as_ref().and_then(|t| t.answers.recv().ok()) else { break };
-            self.under_way -= 1;
-            self.taken.push_back(answer);
+        if recorded {
+            self.wait_for(MOST_UNDER_WAY - 1);
         }
         if self.thread.is_none() {
             match Thread::start(self.wake.clone()) {
@@ -136,6 +134,20 @@ impl Writer {
         if let Some(thread) = &self.thread {
             self.under_way += 1;
             drop(thread.orders.send(order)); // it listens as long as we do
+        }
+    }
+
+    /// Waits until all is written, as before what it is taken from is gone.
+    pub fn finish(&mut self) {
+        self.wait_for(0);
+    }
+
+    /// Waits until so many orders at most are under way.
+    fn wait_for(&mut self, most: usize) {
+        while self.under_way > most {
+            let Some(answer) = self.thread.as_ref().and_then(|t| t.answers.recv().ok()) else { break };
+            self.under_way -= 1;
+            self.taken.push_back(answer);
         }
     }
 
@@ -217,7 +229,7 @@ impl Pictures {
     fn carry_out(&mut self, order: Order) -> Answer {
         let told = |file: &Path| Answer::Told(format!("Written: {}", file.display()));
         match order {
-            Order::Picture { album, width, height, pixels } => match self.write(album, (width, height), &pixels) {
+            Order::Picture { album, width, height, pixels } => match self.write(album, (width, height), pixels) {
                 Ok(_) if album == Album::Recording => {
                     self.recorded += 1;
                     Answer::Silent
@@ -242,14 +254,15 @@ impl Pictures {
     }
 
     /// Writes a picture under the next free number. The error says what to do.
-    fn write(&mut self, album: Album, (width, height): (u32, u32), pixels: &[u8]) -> Result<PathBuf, String> {
+    fn write(&mut self, album: Album, (width, height): (u32, u32), pixels: Encode) -> Result<PathBuf, String> {
+        let pixels = pixels().map_err(|why| format!("a picture was lost: {why}; try again"))?;
         let folder = album.folder();
         let last = &mut self.last[album as usize];
         let written = std::fs::create_dir_all(folder).map_err(|e| e.to_string()).and_then(|()| {
             let file = (*last + 1..).map(|n| (n, album.file(n))).find(|f| !f.1.exists());
             let Some((number, file)) = file else { return Err("there is no number left".to_string()) };
             *last = number;
-            image::save_buffer(&file, pixels, width, height, image::ColorType::Rgba8).map_err(|e| e.to_string())?;
+            image::save_buffer(&file, &pixels, width, height, image::ColorType::Rgba8).map_err(|e| e.to_string())?;
             Ok(file)
         });
         written.map_err(|why| format!("cannot write a picture in {}: {why}; start Incise where you may write", folder.display()))
@@ -347,6 +360,24 @@ mod tests {
         open_gate.send(()).expect("it waits");
         drop(writer);
         assert!(files.iter().all(|file| file.exists()), "nothing is lost at the end");
+    }
+
+    #[test]
+    fn a_picture_that_the_gpu_loses_is_said_and_one_that_is_late_holds_nobody_up() {
+        let mut writer = writer();
+        let (open_gate, gate) = sync_channel::<()>(1);
+        let late: Encode = Box::new(move || {
+            gate.recv().expect("let on");
+            Err("the device is gone".into())
+        });
+        let picture = |pixels| Order::Picture { album: Album::Screenshots, width: 1, height: 1, pixels };
+        writer.0.order(picture(late));
+        assert!(!writer.0.take(&mut PanelState::default()), "under way");
+        open_gate.send(()).expect("it waits");
+        writer.0.finish();
+        let mut panel = PanelState::default();
+        assert!(writer.0.take(&mut panel), "finished: there is a word");
+        assert!(panel.notice.is_some_and(|n| n.error && n.text.contains("the device is gone")));
     }
 
     #[test]

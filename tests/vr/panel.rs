@@ -131,7 +131,7 @@ fn what_the_panel_has_written_is_written_behind_the_frames_back() {
     let outside = led.high + DVec3::new(0.0, 0.0, 3.0 * (led.high - led.low).z);
     tear(&mut led, 0.1);
     led.press_b(RIGHT);
-    let wanted = [PanelAction::SaveConfig, PanelAction::Export, PanelAction::Screenshot];
+    let wanted = [PanelAction::Export, PanelAction::Screenshot, PanelAction::SaveConfig];
     let places = wanted.map(|wanted| place_of(&shown(1), |action, _| *action == wanted));
     let calls = led.file_calls();
     assert!(calls > 0, "reads at the start are counted");

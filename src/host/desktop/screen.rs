@@ -4,12 +4,13 @@ use super::DesktopError;
 use crate::app::{FrameCounters, FrameTarget, FrameView};
 use crate::diagnostics::Stages;
 use crate::gpu::context::open_device;
-use crate::gpu::readback::read_texture;
+use crate::gpu::readback::PictureCopy;
 use crate::gpu::ui::{UiFrame, UiPass};
 use crate::gpu::{
     Bounds, ColourTarget, Context, DrawOptions, GpuError, Instrument, LineSegment, RenderTarget, Scenery, ViewPose, ViewSet,
 };
 use crate::host::mirror::Mirror;
+use crate::host::writer::Encode;
 use crate::input::CameraPose;
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
@@ -38,8 +39,8 @@ pub enum Acquired {
     Hidden,
 }
 
-/// A picture of the window: width, height, RGBA8.
-pub type Shot = (u32, u32, Vec<u8>);
+/// A picture of the window on its way back: width, height, and what waits for its RGBA8.
+pub type Shot = (u32, u32, Encode);
 
 impl Screen {
     /// Opens an adapter that can draw into the window. Errors: no such adapter, no device.
@@ -173,7 +174,7 @@ pub struct WindowTarget<'a> {
     pub lines: Vec<LineSegment>,
     /// Bring the pixels back.
     pub wants_shot: bool,
-    /// The pixels, if they were wanted.
+    /// Those, if they were wanted.
     pub shot: Option<Shot>,
     /// The window is told just before it is shown.
     pub window: &'a Window,
@@ -218,8 +219,10 @@ impl FrameTarget for WindowTarget<'_> {
             buffers.push(encoder.finish());
             screen.context.queue().submit(buffers);
             if self.wants_shot && screen.readable {
-                let pixels = read_texture(&screen.context, &frame.texture, 0)?;
-                self.shot = Some((size.0, size.1, rgba(pixels, screen.config.format)));
+                let copy = PictureCopy::new(&screen.context, &frame.texture, 0)?;
+                let (context, format) = (screen.context.clone(), screen.config.format);
+                let pixels = move || copy.pixels(&context).map(|pixels| rgba(pixels, format)).map_err(|e| e.to_string());
+                self.shot = Some((size.0, size.1, Box::new(pixels)));
             }
             self.window.pre_present_notify();
             screen.context.queue().present(frame);

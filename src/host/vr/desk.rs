@@ -3,7 +3,7 @@
 
 use super::VrError;
 use super::board::Board;
-use super::capture::Capture;
+use super::capture::LeftEye;
 use super::hands::Hands;
 use super::headset::Headset;
 use super::input::HandsInput;
@@ -217,11 +217,14 @@ impl Desk {
         }
     }
 
-    /// Has a picture written that the user asked for, as the left eye sees it.
-    pub fn write_picture(&mut self, picture: &Capture) {
-        let (width, height) = picture.size;
-        let pixels = picture.eyes[0].clone();
+    /// Has a picture written that the user asked for.
+    pub fn write_picture(&mut self, LeftEye { size: (width, height), pixels }: LeftEye) {
         self.writer.order(Order::Picture { album: Album::Headset, width, height, pixels });
+    }
+
+    /// Waits until all is written: a session's device goes with it, and pictures may still be on their way from there.
+    pub fn finish_files(&mut self) {
+        self.writer.finish();
     }
 }
 

@@ -1,7 +1,7 @@
 //! One session with one headset: what the runtime gave us, and how a frame gets to the eyes.
 
 use super::board::Board;
-use super::capture::{Capture, capture};
+use super::capture::{Capture, LeftEye, capture, left_eye};
 use super::clock::budget_ms;
 use super::error::{Named, VrError};
 use super::eye_mirror::{EyeMirror, reflect};
@@ -370,14 +370,18 @@ pub struct EyeTarget<'a> {
     pub instruments: &'a [Instrument],
     /// The pointer's ray, model space.
     pub lines: &'a [LineSegment],
-    /// Keeps the pictures of this frame.
+    /// Waits for the pictures of this frame: a test driver's wish.
     pub capture: bool,
+    /// Asks for a picture of what the left eye sees: a user's, which nobody waits for.
+    pub asks_picture: bool,
     /// The window that shows one eye, too.
     pub mirror: &'a mut Option<EyeMirror>,
     /// What was drawn.
     pub shown: Option<Shown>,
-    /// The pictures, if they were asked for.
+    /// The pictures that were waited for.
     pub captured: Option<Capture>,
+    /// The picture that was asked for.
+    pub picture: Option<LeftEye>,
     /// Deltas of edits that the frame brought: something was torn.
     pub changes: usize,
     /// Counts heap allocations so far.
@@ -455,6 +459,9 @@ impl EyeTarget<'_> {
         elsewhere.submit_s = start.passed(&mut elsewhere.core_s);
         if self.capture {
             self.captured = Some(capture(&context, images, index, part, &poses, masks)?);
+        }
+        if self.asks_picture {
+            self.picture = Some(left_eye(&context, images, index, part)?);
         }
         reflect(self.mirror, images, index, part);
         let start = Moment::now(self.core_clock);

@@ -81,6 +81,9 @@ pub fn run(app: &mut App, options: &VrOptions, outcome: &mut VrOutcome) -> Resul
     loop {
         let ended = session(&mut headset, app, &mut user, options, outcome);
         user.put_down(app, outcome);
+        if let Some(desk) = &mut user.desk {
+            desk.finish_files();
+        }
         if let Some(mirror) = &mut user.mirror {
             mirror.end();
             outcome.mirrored = mirror.frames();
@@ -346,8 +349,10 @@ fn eye_target<'a>(
         lines,
         mirror,
         capture: false,
+        asks_picture: false,
         shown: None,
         captured: None,
+        picture: None,
         changes: 0,
         allocations: || 0,
         allocated: 0,
@@ -435,16 +440,16 @@ fn frame(
             _ => None,
         }));
     }
-    let wanted = desk.wants_picture();
+    let asks_picture = desk.wants_picture();
     let mut target = eye_target(headset, state, placement, (&user.instruments, &user.lines), &mut user.mirror);
-    target.capture = asked.capture || wanted;
+    (target.capture, target.asks_picture) = (asked.capture, asks_picture);
     if user.lockstep.is_some() {
         target.load = GpuLoad::Told(asked.gpu_ms);
     }
     target.allocations = options.allocations;
     target.core_clock = core_clock;
     let presented = app.frame(&user.frame, &mut target);
-    let EyeTarget { shown, captured, changes, allocated, core_elsewhere, gpu, .. } = target;
+    let EyeTarget { shown, captured, picture, changes, allocated, core_elsewhere, gpu, .. } = target;
     let core_ms = core.and_then(|core| Some(1e3 * (core_clock()? - core - core_elsewhere)));
     let mut report = match presented {
         Err(why) if why.is_outgrown() && take_back(headset, app, user, &why, outcome) => return Ok(None),
@@ -457,11 +462,11 @@ fn frame(
     if let Some(desk) = &mut user.desk {
         panel = desk.board.take_cost();
         desk.note(app, &report, gpu);
-        if let Some(pictures) = captured.as_ref().filter(|_| wanted) {
-            desk.write_picture(pictures);
+        if let Some(picture) = picture {
+            desk.write_picture(picture);
         }
     }
-    if let Some(pictures) = captured.filter(|_| asked.capture) {
+    if let Some(pictures) = captured {
         outcome.pictures = Some(pictures);
         outcome.instruments.clone_from(&user.instruments);
         outcome.lines.clone_from(&user.lines);
