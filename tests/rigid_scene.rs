@@ -331,6 +331,53 @@ fn pieces_of_many_cuts_come_to_lie_on_the_table() {
     }
 }
 
+#[test]
+fn pieces_weigh_together_what_the_whole_did_and_the_same_in_every_pose() {
+    let mass = |scene: &Scene| scene.tissues().map(|(_, t)| t.mass_guess()).sum::<f64>();
+    for name in ["heart", "beam", "sphere"] {
+        let (mut scene, animated) = scene(name, 2000);
+        scene.set_animation(animated.then_some(0));
+        let whole = mass(&scene);
+        for k in 0..3 {
+            scene.pose(0.3 * f64::from(k), 0.3 * f64::from(k));
+            assert_eq!(mass(&scene), whole, "{name}");
+        }
+        // cut at rest: where a bent model is cut, its caps are not flat at rest
+        scene.set_animation(None);
+        scene.pose(1.0, 0.0);
+        let (low, high) = scene.ground_bounds();
+        for normal in [DVec3::new(0.3, 1.0, 0.2), DVec3::new(1.0, -0.2, 0.4)].map(DVec3::normalize) {
+            scene.edit(EditCommand::CutClosed(Plane::Equation { normal, offset: normal.dot(0.5 * (low + high)) }));
+        }
+        assert!(scene.tissues().count() >= 4, "{name}");
+        assert!((mass(&scene) / whole - 1.0).abs() < 1e-6, "{name}: {} of {whole}", mass(&scene));
+    }
+}
+
+#[test]
+fn a_hull_reaches_as_far_as_the_tissue() {
+    for (name, faces) in [("heart", 3000), ("beam", 3000), ("sphere", 20_000)] {
+        let (mut scene, animated) = scene(name, faces);
+        scene.set_animation(animated.then_some(0));
+        scene.pose(0.4, 0.4);
+        let tissue = scene.tissue(TissueId(0)).unwrap();
+        let all: Vec<DVec3> = tissue.mesh().live_vertices().map(|v| tissue.position(v)).collect();
+        for count in [64, 7] {
+            let hull: Vec<DVec3> = tissue.hull_vertices(count).into_iter().map(|v| tissue.position(v)).collect();
+            assert!(hull.len() > count / 4 && hull.len() <= count);
+            let reach = |points: &[DVec3], d: DVec3| points.iter().map(|p| p.dot(d)).fold(f64::NEG_INFINITY, f64::max);
+            for k in 0..count {
+                let y = 1.0 - (2 * k + 1) as f64 / count as f64;
+                let turn = std::f64::consts::PI * (3.0 - 5f64.sqrt()) * k as f64;
+                let d = DVec3::new((1.0 - y * y).sqrt() * turn.cos(), y, (1.0 - y * y).sqrt() * turn.sin());
+                // of a fine mesh not every vertex is looked at
+                let missing = if all.len() < 4096 { 1e-6 } else { 2e-3 };
+                assert!(reach(&hull, d) > reach(&all, d) - missing * tissue.diagonal(), "{name} {count} {k}");
+            }
+        }
+    }
+}
+
 /// Heaps of hulls that overlap and are a thousand times as heavy as others: they rocked for ever, or shot some a hundred metres up.
 #[test]
 fn heaps_of_pieces_come_to_rest_where_they_fell() {

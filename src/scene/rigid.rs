@@ -345,7 +345,7 @@ impl Scene {
         self.rigid.came_off.extend(all);
     }
 
-    /// The piece that stays: by the root if that is what holds, then by area, the first among equals.
+    /// The piece that stays: by the root if that is what holds, then by area at rest, the first among equals.
     fn fixed_among(&self, pieces: &[TissueId]) -> Option<TissueId> {
         let by_root = self.rigid.settings.fixed == Fixed::Root;
         let root = |id: &TissueId| self.tissues.get(id).filter(|_| by_root).map_or(0.0, |tissue| tissue.root_weight());
@@ -355,7 +355,7 @@ impl Scene {
         if best.len() < 2 {
             return best.first().copied();
         }
-        let area = |id: &TissueId| self.tissues.get(id).map_or(0.0, |t| t.measure_all().area);
+        let area = |id: &TissueId| self.tissues.get(id).map_or(0.0, |t| t.volume_and_area_at_rest().1);
         // the last of equals is taken, so backwards
         best.iter().rev().map(|id| (*id, area(id))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(id, _)| id)
     }

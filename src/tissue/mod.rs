@@ -96,6 +96,8 @@ pub struct Tissue {
     offset: DVec3,
     frame: RigidPose,
     diagonal: f64,
+    /// Length of what it came from as loaded, over its length in the space of its rows: 1 for all but models whose joints scale.
+    rest_scale: f64,
     layer: Option<SoftLayer>,
     fades: Fades,
     time_s: f64,
@@ -286,6 +288,7 @@ impl Tissue {
             offset,
             frame: RigidPose::at(offset),
             diagonal: 0.0,
+            rest_scale: 1.0,
             layer: None,
             fades: Fades::new(settings.fade_s),
             time_s: 0.0,
@@ -305,6 +308,7 @@ impl Tissue {
         tissue.build_sections();
         let (low, high) = tissue.bounds();
         tissue.diagonal = (high - low).length();
+        tissue.find_rest_scale();
         if let Some(particles) = settings.particles {
             let mut layer = tissue.build_layer(particles, settings.network.checked()?)?;
             layer.particle_mass = tissue.mass_guess() / layer.map.len().max(1) as f64;

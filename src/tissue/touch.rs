@@ -4,7 +4,7 @@ use super::Tissue;
 use crate::geometry::measure::vertex_normal;
 use crate::geometry::{ParticleId, VertexId};
 use crate::physics::{BodyId, Contacts, RigidPose, RigidWorld, Skin};
-use glam::DVec3;
+use glam::{DVec3, Vec3, Vec4};
 
 /// Radius of the particles' collider spheres under the skin, in particle spacings: neighbouring ones overlap.
 const COLLIDER_RADIUS: f64 = 0.8;
@@ -166,41 +166,72 @@ impl Tissue {
         true
     }
 
-    /// Mass guessed from the volume that the surface encloses, at least that of a skin of a hundredth of the diagonal, kg.
+    /// Mass guessed from the volume that the surface encloses at rest, at least that of a skin of a hundredth of the diagonal, kg: the
+    /// same in every pose, and pieces weigh together what the whole did.
     pub fn mass_guess(&self) -> f64 {
-        let (low, high) = self.bounds();
-        let middle = 0.5 * (low + high);
-        let (mut volume, mut area) = (0.0, 0.0);
-        for f in self.mesh.live_faces() {
-            let [a, b, c] = self.mesh.face(f).map(|v| self.position(v) - middle);
-            volume += a.dot(b.cross(c)) / 6.0;
-            area += 0.5 * (b - a).cross(c - a).length();
-        }
-        let mass = DENSITY * volume.abs().max(0.01 * self.diagonal * area);
+        let (volume, area) = self.volume_and_area_at_rest();
+        let scale = self.rest_scale;
+        let mass = DENSITY * scale * scale * (scale * volume.abs()).max(0.01 * self.diagonal * area);
         if mass.is_finite() { mass.max(1e-9) } else { 1.0 }
     }
 
-    /// Vertices whose hull is nearly that of the tissue as it is seen: the farthest in `count` directions.
+    /// Signed volume, about the middle, and area of the surface in the space of its rows: nothing is posed for it.
+    pub fn volume_and_area_at_rest(&self) -> (f64, f64) {
+        let (low, high) = self.rest_bounds();
+        let middle = 0.5 * (low + high);
+        let of = |f| {
+            let [a, b, c] = self.mesh.face(f).map(|v| self.rest[v.index()] - middle);
+            let normal = (b - a).cross(c - a);
+            (a.dot(normal) / 6.0, 0.5 * normal.length())
+        };
+        self.mesh.live_faces().map(of).fold((0.0, 0.0), |sum, face| (sum.0 + face.0, sum.1 + face.1))
+    }
+
+    fn rest_bounds(&self) -> (DVec3, DVec3) {
+        let at = self.mesh.live_vertices().map(|v| self.rest[v.index()]);
+        at.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+    }
+
+    /// To be called once the diagonal is known.
+    pub(super) fn find_rest_scale(&mut self) {
+        let (low, high) = self.rest_bounds();
+        let scale = self.diagonal / (high - low).length();
+        self.rest_scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
+    }
+
+    /// Vertices whose hull is nearly that of the tissue as it is seen: the farthest in `count` directions, of a fine mesh among some
+    /// thousands of its vertices.
     pub fn hull_vertices(&self, count: usize) -> Vec<VertexId> {
-        const MOST_VERTICES: usize = 20_000;
+        const MOST_VERTICES: usize = 4096;
         let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
-        let directions = (0..count).map(|k| {
+        let direction = |k: usize| {
             let y = 1.0 - (2 * k + 1) as f64 / count as f64;
             let (sin, cos) = (golden * k as f64).sin_cos();
-            DVec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin)
-        });
-        let mut farthest: Vec<(DVec3, f64, VertexId)> = directions.map(|d| (d, f64::NEG_INFINITY, VertexId::NONE)).collect();
+            (DVec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin)).as_vec3()
+        };
+        // four directions at a time; of two vertices that a rounding of an f32 lies between, either will do
+        let four = |k: usize| {
+            let d: [Vec3; 4] = std::array::from_fn(|lane| direction((4 * k + lane).min(count - 1)));
+            let axes = [0, 1, 2].map(|axis| Vec4::from_array(d.map(|d| d[axis])));
+            (axes, Vec4::NEG_INFINITY, [VertexId::NONE; 4])
+        };
+        let mut farthest: Vec<([Vec4; 3], Vec4, [VertexId; 4])> = (0..count.div_ceil(4)).map(four).collect();
         let stride = (self.mesh.vertex_slots() / MOST_VERTICES).max(1);
+        let posed = self.posed();
+        let mut middle = None;
         for v in self.mesh.live_vertices().step_by(stride) {
-            let p = self.position(v);
-            for (direction, most, vertex) in &mut farthest {
-                let reach = direction.dot(p);
-                if reach > *most {
-                    (*most, *vertex) = (reach, v);
+            let p = posed.position(v);
+            let p = (p - *middle.get_or_insert(p)).as_vec3();
+            for ([x, y, z], most, vertices) in &mut farthest {
+                let reach = *x * p.x + *y * p.y + *z * p.z;
+                let further = reach.cmpgt(*most).bitmask();
+                if further != 0 {
+                    *most = most.max(reach);
+                    (0..4).filter(|lane| further >> lane & 1 == 1).for_each(|lane| vertices[lane] = v);
                 }
             }
         }
-        let mut vertices: Vec<VertexId> = farthest.into_iter().map(|f| f.2).filter(|v| v.is_some()).collect();
+        let mut vertices: Vec<VertexId> = farthest.into_iter().flat_map(|f| f.2).filter(|v| v.is_some()).collect();
         vertices.sort_unstable();
         vertices.dedup();
         vertices
