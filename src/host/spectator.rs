@@ -6,7 +6,7 @@
 use crate::gpu::Context;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use winit::application::ApplicationHandler;
@@ -117,9 +117,9 @@ impl Spectator {
         self.ask(Ask::Attach(context.clone()));
     }
 
-    /// Something to draw into, if there is. Never waits. Errors: this window can show nothing of this device.
+    /// Something to draw into, if there is. Never waits. Errors: this window can show nothing of this device, or it is gone.
     pub fn ready(&mut self) -> Result<Option<Ready<'_>>, String> {
-        while let Ok(answer) = self.answers.try_recv() {
+        while let Some(answer) = next(&self.answers, self.is_closed())? {
             match answer {
                 Answer::Surface(surface, size) => {
                     let Some(context) = self.coming.take() else { continue };
@@ -389,10 +389,29 @@ impl ApplicationHandler<Ask> for Onlooker {
     }
 }
 
+/// The next answer, if there is one. Errors: there will be none, and it is not the user who `closed` the window.
+fn next(answers: &Receiver<Answer>, closed: bool) -> Result<Option<Answer>, String> {
+    match answers.try_recv() {
+        Ok(answer) => Ok(Some(answer)),
+        Err(TryRecvError::Disconnected) if !closed => Err("the window system has taken the window away".into()),
+        Err(_) => Ok(None),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use wgpu::PresentMode;
+
+    #[test]
+    fn a_window_that_is_gone_is_told_of_unless_the_user_closed_it() {
+        let (sender, answers) = channel();
+        assert!(matches!(next(&answers, false), Ok(None)), "it is there, and has nothing to say");
+        sender.send(Answer::Detached).expect("it is heard");
+        drop(sender);
+        assert!(matches!(next(&answers, false), Ok(Some(Answer::Detached))), "its last words come first");
+        assert!(next(&answers, false).is_err() && matches!(next(&answers, true), Ok(None)));
+    }
 
     #[test]
     fn a_window_that_is_hidden_is_not_fitted_to_and_others_ever_more_seldom() {
