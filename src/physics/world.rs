@@ -43,13 +43,13 @@ const CARRYING: f64 = 8.0;
 /// Width and depth of the table, in lengths of the world.
 const TABLE_WIDTH: f64 = 60.0;
 const TABLE_DEPTH: f64 = 5.0;
-/// What loose bodies, stands and crumbs are among rapier's groups.
+/// What loose bodies, stands and scraps are among rapier's groups.
 const LOOSE: Group = Group::GROUP_1;
 const STANDS: Group = Group::GROUP_2;
-const CRUMBS: Group = Group::GROUP_3;
-/// A piece of a smaller radius than this, in lengths of the world, is a crumb. It lies on the table and on stands, and passes through
+const SCRAPS: Group = Group::GROUP_3;
+/// A piece of a smaller radius than this, in lengths of the world, is a scrap. It lies on the table and on stands, and passes through
 /// other pieces: between two that weigh a thousand times as much it would rattle for ever, or be shot out.
-const CRUMB: f64 = 0.02;
+const SCRAP: f64 = 0.02;
 
 /// Names a body for as long as the world lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -158,13 +158,13 @@ impl RigidWorld {
     pub fn add_hull(&mut self, points: &[DVec3], mass: f64, pose: RigidPose) -> Option<BodyId> {
         let pose = pose.checked()?;
         let (shape, solid) = convex(points)?;
-        let is_crumb = solid.ball().1 < CRUMB * self.length;
+        let is_scrap = solid.ball().1 < SCRAP * self.length;
         let id = self.add_loose(shape, solid, mass, pose)?;
         let body = self.body_mut(id)?;
         body.soft = false;
         let handle = body.handle;
-        if let Some(collider) = self.collider(handle).filter(|_| is_crumb) {
-            let groups = InteractionGroups::new(CRUMBS, Group::ALL & !LOOSE & !CRUMBS, InteractionTestMode::And);
+        if let Some(collider) = self.collider(handle).filter(|_| is_scrap) {
+            let groups = InteractionGroups::new(SCRAPS, Group::ALL & !LOOSE & !SCRAPS, InteractionTestMode::And);
             self.world.colliders[collider].set_collision_groups(groups);
         }
         Some(id)
@@ -202,7 +202,7 @@ impl RigidWorld {
         let collider = &mut self.world.colliders[collider];
         let before = collider.compute_aabb();
         collider.set_shape(shape);
-        let reached = collider.compute_aabb().merged(&before).loosened((CRUMB * self.length) as f32);
+        let reached = collider.compute_aabb().merged(&before).loosened((SCRAP * self.length) as f32);
         for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
             let Some(rigid) = body.handle.and_then(|handle| self.world.bodies.get_mut(handle)) else { continue };
             let colliders = rigid.colliders().iter().filter_map(|&c| self.world.colliders.get(c));
@@ -414,7 +414,7 @@ impl RigidWorld {
                 // Rapier has quarantined it, or should have: it stays at the last good place.
                 None => rigid.set_enabled(false),
             }
-            // A crumb that is smaller than its fall in a step may pass the table.
+            // A body that is smaller than its fall in a step may pass the table.
             let (middle, radius) = body.solid.ball();
             let under = table.map_or(0.0, |table| table - body.now.point(middle).dot(self.up));
             if under > radius {

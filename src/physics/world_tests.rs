@@ -127,16 +127,16 @@ fn a_stand_that_moves_wakes_what_is_at_it_and_nothing_else() {
 }
 
 #[test]
-fn crumbs_lie_on_the_table_and_in_no_pieces_way() {
+fn scraps_lie_on_the_table_and_in_no_pieces_way() {
     let mut world = RigidWorld::new(DVec3::Y, 0.3);
     world.set_table(Some(-0.1));
     let piece = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
     let of_size = |share: f64| corners().iter().map(|p| *p * share).collect::<Vec<_>>();
     let above = RigidPose::at(DVec3::Y * 0.2);
-    let crumb = world.add_hull(&of_size(0.03), 1e-5, above).unwrap();
+    let scrap = world.add_hull(&of_size(0.03), 1e-5, above).unwrap();
     let larger = world.add_hull(&of_size(0.05), 1e-5, above).unwrap();
     (0..600).for_each(|_| world.step(1.0 / 90.0));
     let y = |id| world.pose(id).unwrap().translation.y;
     assert!(world.is_resting() && y(piece).abs() < 2e-3, "{}", y(piece));
-    assert!((y(crumb) + 0.097).abs() < 2e-3 && (y(larger) - 0.105).abs() < 2e-3, "{} {}", y(crumb), y(larger));
+    assert!((y(scrap) + 0.097).abs() < 2e-3 && (y(larger) - 0.105).abs() < 2e-3, "{} {}", y(scrap), y(larger));
 }
