@@ -50,6 +50,8 @@ const SCRAPS: Group = Group::GROUP_3;
 /// A piece of a smaller radius than this, in lengths of the world, is a scrap. It lies on the table and on stands, and passes through
 /// other pieces: between two that weigh a thousand times as much it would rattle for ever, or be shot out.
 const SCRAP: f64 = 0.02;
+/// What is this near to a stand, in lengths of the world, may lie on it.
+const NEAR: f64 = 0.02;
 
 /// Names a body for as long as the world lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -149,7 +151,8 @@ impl RigidWorld {
     /// Adds a ball that falls: `mass` in kg.
     pub fn add_ball(&mut self, radius: f64, mass: f64, pose: RigidPose) -> Option<BodyId> {
         let (shape, pose) = (RigidShape::Sphere { radius }.checked()?, pose.checked()?);
-        self.add_loose(SharedShape::ball(radius as f32), Solid::Simple(shape), mass, pose)
+        let ball = (SharedShape::ball(radius as f32), Solid::Simple(shape));
+        self.add_loose(ball, groups(LOOSE, Group::ALL), mass, pose)
     }
 
     /// Adds a piece of tissue that falls, the convex hull of `points` (its own frame, metres): `mass` in kg. It lies on stands and on
@@ -159,24 +162,24 @@ impl RigidWorld {
         let pose = pose.checked()?;
         let (shape, solid) = convex(points)?;
         let is_scrap = solid.ball().1 < SCRAP * self.length;
-        let id = self.add_loose(shape, solid, mass, pose)?;
-        let body = self.body_mut(id)?;
-        body.soft = false;
-        let handle = body.handle;
-        if let Some(collider) = self.collider(handle).filter(|_| is_scrap) {
-            let groups = InteractionGroups::new(SCRAPS, Group::ALL & !LOOSE & !SCRAPS, InteractionTestMode::And);
-            self.world.colliders[collider].set_collision_groups(groups);
-        }
+        let (is, touches) = if is_scrap { (SCRAPS, Group::ALL & !LOOSE & !SCRAPS) } else { (LOOSE, Group::ALL) };
+        let id = self.add_loose((shape, solid), groups(is, touches), mass, pose)?;
+        self.body_mut(id)?.soft = false;
         Some(id)
     }
 
-    fn add_loose(&mut self, shape: SharedShape, solid: Solid, mass: f64, pose: RigidPose) -> Option<BodyId> {
+    fn add_loose(
+        &mut self,
+        (shape, solid): (SharedShape, Solid),
+        groups: InteractionGroups,
+        mass: f64,
+        pose: RigidPose,
+    ) -> Option<BodyId> {
         if !(mass.is_finite() && mass > 0.0) {
             return None;
         }
         let builder = RigidBodyBuilder::dynamic().pose(to_rapier(&pose)).ccd_enabled(true);
         let builder = builder.linear_damping(DAMPING[0]).angular_damping(DAMPING[1]);
-        let groups = InteractionGroups::new(LOOSE, Group::ALL, InteractionTestMode::And);
         let collider = ColliderBuilder::new(shape).mass(mass as f32).friction(0.6).collision_groups(groups);
         let (handle, _) = self.world.insert(builder, collider);
         self.loose += 1;
@@ -187,9 +190,8 @@ impl RigidWorld {
     /// a tissue that stays. Soft layers do not feel it.
     pub fn add_stand(&mut self, points: &[DVec3], pose: RigidPose) -> Option<BodyId> {
         let pose = pose.checked()?;
-        let groups = InteractionGroups::new(STANDS, Group::ALL, InteractionTestMode::And);
         let (shape, solid) = convex(points)?;
-        let collider = ColliderBuilder::new(shape).friction(0.6).collision_groups(groups);
+        let collider = ColliderBuilder::new(shape).friction(0.6).collision_groups(groups(STANDS, Group::ALL));
         let (handle, _) = self.world.insert(RigidBodyBuilder::fixed().pose(to_rapier(&pose)), collider);
         Some(self.insert(Body { soft: false, ..Body::new(Some(handle), solid, pose, 0.0) }))
     }
@@ -198,17 +200,16 @@ impl RigidWorld {
     /// feel stays.
     pub fn reshape(&mut self, id: BodyId, points: &[DVec3]) {
         let handle = self.bodies.get(&id).and_then(|b| b.handle);
-        let (Some(collider), Some(shape)) = (self.collider(handle), hull(points)) else { return };
-        let collider = &mut self.world.colliders[collider];
+        let Self { world, bodies, length, .. } = self;
+        let (Some(collider), Some(shape)) = (collider_of(world, handle), hull(points)) else { return };
+        let collider = &mut world.colliders[collider];
         let before = collider.compute_aabb();
         collider.set_shape(shape);
-        let reached = collider.compute_aabb().merged(&before).loosened((SCRAP * self.length) as f32);
-        for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
-            let Some(rigid) = body.handle.and_then(|handle| self.world.bodies.get_mut(handle)) else { continue };
-            let colliders = rigid.colliders().iter().filter_map(|&c| self.world.colliders.get(c));
-            if colliders.map(|c| c.compute_aabb()).any(|aabb| aabb.intersects(&reached)) {
-                body.still_s = 0.0;
-                rigid.wake_up(true);
+        let reached = collider.compute_aabb().merged(&before).loosened((NEAR * *length) as f32);
+        for body in bodies.values_mut().filter(|b| b.mass > 0.0) {
+            let collider = collider_of(world, body.handle);
+            if collider.is_some_and(|c| world.colliders[c].compute_aabb().intersects(&reached)) {
+                body.rouse(world);
             }
         }
     }
@@ -216,7 +217,7 @@ impl RigidWorld {
     /// How far two bodies reach into each other, metres; 0 if they do not.
     pub fn overlap(&self, a: BodyId, b: BodyId) -> f64 {
         let side = |id: BodyId| {
-            let collider = self.world.colliders.get(self.collider(self.bodies.get(&id)?.handle)?)?;
+            let collider = self.world.colliders.get(collider_of(&self.world, self.bodies.get(&id)?.handle)?)?;
             Some((to_rapier(&self.pose(id)?), collider.shape()))
         };
         let (Some((pose_a, a)), Some((pose_b, b))) = (side(a), side(b)) else { return 0.0 };
@@ -229,15 +230,11 @@ impl RigidWorld {
         if let Some(body) = self.body_mut(id) {
             body.soft = true;
         }
-        if let Some(collider) = self.collider(self.bodies.get(&id).and_then(|b| b.handle)) {
+        if let Some(collider) = collider_of(&self.world, self.bodies.get(&id).and_then(|b| b.handle)) {
             let collider = &mut self.world.colliders[collider];
             let groups = collider.collision_groups();
             collider.set_collision_groups(InteractionGroups { filter: groups.filter & !STANDS, ..groups });
         }
-    }
-
-    fn collider(&self, body: Option<RigidBodyHandle>) -> Option<ColliderHandle> {
-        self.world.bodies.get(body?)?.colliders().first().copied()
     }
 
     /// Puts the table's top at this height along up, or takes it away.
@@ -436,9 +433,8 @@ impl RigidWorld {
         for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
             let change = (body.push.force - body.felt).length();
             body.felt = body.push.force;
-            if let Some(handle) = body.handle.filter(|_| change > 1e-3 * GRAVITY * body.mass) {
-                body.still_s = 0.0;
-                self.world.wake_up(handle, true);
+            if change > 1e-3 * GRAVITY * body.mass {
+                body.rouse(&mut self.world);
             }
         }
     }
@@ -453,9 +449,8 @@ impl RigidWorld {
         let driven: Vec<(DVec3, f64)> = self.bodies.values().filter(|b| b.mass == 0.0 && b.moved()).map(reach).collect();
         for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
             let (at, radius) = reach(body);
-            if let Some(handle) = body.handle.filter(|_| driven.iter().any(|(d, r)| d.distance(at) < radius + r)) {
-                body.still_s = 0.0;
-                self.world.wake_up(handle, true);
+            if driven.iter().any(|(d, r)| d.distance(at) < radius + r) {
+                body.rouse(&mut self.world);
             }
         }
     }
@@ -487,6 +482,14 @@ impl Body {
         Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh: true, soft: true, still_s: 0.0 }
     }
 
+    /// Something stirs it.
+    fn rouse(&mut self, world: &mut PhysicsWorld) {
+        self.still_s = 0.0;
+        if let Some(handle) = self.handle {
+            world.wake_up(handle, true);
+        }
+    }
+
     /// Damps a body that nothing stirs, and lets it sleep in the end.
     fn calm(&mut self, rigid: &mut RigidBody, h: f64) {
         self.still_s += h;
@@ -508,6 +511,15 @@ impl Body {
     pub fn is_loose(&self) -> bool {
         self.mass > 0.0
     }
+}
+
+/// What a collider is among rapier's groups, and what it touches.
+fn groups(is: Group, touches: Group) -> InteractionGroups {
+    InteractionGroups::new(is, touches, InteractionTestMode::And)
+}
+
+fn collider_of(world: &PhysicsWorld, body: Option<RigidBodyHandle>) -> Option<ColliderHandle> {
+    world.bodies.get(body?)?.colliders().first().copied()
 }
 
 /// The hull of a set of points for rapier, and as soft layers would feel it.

@@ -355,7 +355,7 @@ impl Scene {
         if best.len() < 2 {
             return best.first().copied();
         }
-        let area = |id: &TissueId| self.tissues.get(id).map_or(0.0, |t| t.volume_and_area_at_rest().1);
+        let area = |id: &TissueId| self.tissues.get(id).map_or(0.0, |t| t.measure_at_rest().area);
         // the last of equals is taken, so backwards
         best.iter().rev().map(|id| (*id, area(id))).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(id, _)| id)
     }

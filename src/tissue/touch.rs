@@ -1,7 +1,7 @@
 //! A tissue in the rigid world: where it stands, and what its skin touches (MATHS 4.4).
 
 use super::Tissue;
-use crate::geometry::measure::vertex_normal;
+use crate::geometry::measure::{Measures, vertex_normal};
 use crate::geometry::{ParticleId, VertexId};
 use crate::physics::{BodyId, Contacts, RigidPose, RigidWorld, Skin};
 use glam::{DVec3, Vec3, Vec4};
@@ -169,33 +169,24 @@ impl Tissue {
     /// Mass guessed from the volume that the surface encloses at rest, at least that of a skin of a hundredth of the diagonal, kg: the
     /// same in every pose, and pieces weigh together what the whole did.
     pub fn mass_guess(&self) -> f64 {
-        let (volume, area) = self.volume_and_area_at_rest();
+        let rest = self.measure_at_rest();
+        let middle = 0.5 * (rest.min + rest.max);
+        let volume = (rest.volume - middle.dot(rest.vector_area) / 3.0).abs();
         let scale = self.rest_scale;
-        let mass = DENSITY * scale * scale * (scale * volume.abs()).max(0.01 * self.diagonal * area);
+        let mass = DENSITY * scale * scale * (scale * volume).max(0.01 * self.diagonal * rest.area);
         if mass.is_finite() { mass.max(1e-9) } else { 1.0 }
     }
 
-    /// Signed volume, about the middle, and area of the surface in the space of its rows: nothing is posed for it.
-    pub fn volume_and_area_at_rest(&self) -> (f64, f64) {
-        let (low, high) = self.rest_bounds();
-        let middle = 0.5 * (low + high);
-        let of = |f| {
-            let [a, b, c] = self.mesh.face(f).map(|v| self.rest[v.index()] - middle);
-            let normal = (b - a).cross(c - a);
-            (a.dot(normal) / 6.0, 0.5 * normal.length())
-        };
-        self.mesh.live_faces().map(of).fold((0.0, 0.0), |sum, face| (sum.0 + face.0, sum.1 + face.1))
-    }
-
-    fn rest_bounds(&self) -> (DVec3, DVec3) {
-        let at = self.mesh.live_vertices().map(|v| self.rest[v.index()]);
-        at.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
+    /// Sums and extremes of the surface in the space of its rows, without its edges: nothing is posed for it.
+    pub fn measure_at_rest(&self) -> Measures {
+        let mut measures = Measures::EMPTY;
+        measures.add_faces(&self.mesh, self.mesh.live_faces(), |v| self.rest[v.index()]);
+        measures
     }
 
     /// To be called once the diagonal is known.
     pub(super) fn find_rest_scale(&mut self) {
-        let (low, high) = self.rest_bounds();
-        let scale = self.diagonal / (high - low).length();
+        let scale = self.diagonal / self.measure_at_rest().diagonal();
         self.rest_scale = if scale.is_finite() && scale > 0.0 { scale } else { 1.0 };
     }
 
@@ -207,7 +198,7 @@ impl Tissue {
         let direction = |k: usize| {
             let y = 1.0 - (2 * k + 1) as f64 / count as f64;
             let (sin, cos) = (golden * k as f64).sin_cos();
-            (DVec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin)).as_vec3()
+            DVec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin).as_vec3()
         };
         // four directions at a time; of two vertices that a rounding of an f32 lies between, either will do
         let four = |k: usize| {
