@@ -149,3 +149,35 @@ fn what_nobody_asks_for_is_not_measured_and_changes_nothing() {
     assert_eq!(told.iter().map(|r| r.outcome).collect::<Vec<_>>(), [Outcome::Cut, Outcome::Severed, Outcome::Cut, Outcome::Cut]);
     assert!(told.iter().all(|r| r.area_before > 0.0) && untold.iter().all(|r| r.area_before.is_nan()));
 }
+
+/// A blade stirred by a hand that trembles cuts the tissue around its tip to shreds: each has its own particles and no strip lets others
+/// in. An update there must not look at everything in reach for each of them.
+#[test]
+fn a_trembling_blade_that_is_stirred_pays_for_what_it_shreds() {
+    let mut tissue = tissue("sphere", 5_000);
+    let (low, high) = tissue.bounds();
+    let (centre, diagonal) = ((low + high) / 2.0, tissue.diagonal());
+    let mut stroke =
+        TearStroke::new(&tissue, 0.002 * diagonal, SamplingSettings::default().with_distance(0.012 * diagonal, diagonal));
+    stroke = stroke.walled(WallMode::Closed);
+    let mut seed = 7u64;
+    let mut tremble = || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((seed >> 33) as f64 / f64::from(1u32 << 31) - 0.5) * 0.003 * diagonal
+    };
+    for i in 0..=120 {
+        let angle = i as f64 / 60.0 * std::f64::consts::TAU;
+        let at = centre + DVec3::new(0.0, 0.0, 0.23 * diagonal);
+        let tip = at + DVec3::new(tremble(), tremble(), 0.0);
+        let base = at + DVec3::new(0.06 * angle.cos(), 0.06 * angle.sin(), 0.15) * diagonal;
+        stroke.push(&mut tissue, BladePose { t: i as f64 / 90.0, tip, base });
+        stroke.drain_deltas(|_| {});
+    }
+    stroke.release(&mut tissue);
+    assert_eq!(tissue.validate(), Ok(()));
+    let reports = stroke.reports();
+    let sum = |of: fn(&SegmentReport) -> usize| reports.iter().map(of).sum::<usize>() as f64;
+    let (visited, made) = (sum(|r| r.vertices_visited), sum(|r| r.new_vertices));
+    assert!(reports.len() > 80 && made > 2_000.0, "{} segments, {made} vertices", reports.len());
+    assert!(visited < 300.0 * made, "{visited} vertices looked at, {made} made");
+}

@@ -33,6 +33,8 @@ pub(super) struct LinkTests {
     /// Ends of links that were tested, each in the place that its number says, and one for two that share a place.
     ends: Vec<TestedEnd>,
     spare_end: TestedEnd,
+    /// Links that were looked at.
+    pub(super) tested: usize,
 }
 
 /// Ends of links that are remembered: a power of two, more than an edit's wound mostly has.
@@ -44,6 +46,77 @@ struct TestedEnd {
     of: VertexKey,
     around: StripsAround,
     views: LipViews,
+}
+
+/// Places in a particle's list of the strips that parted its last links, the last one first: they often part the next one too.
+#[derive(Clone, Copy, Debug)]
+struct Parting([u32; PARTING]);
+
+/// As many as are asked first.
+const PARTING: usize = 4;
+
+impl Default for Parting {
+    fn default() -> Self {
+        Self([u32::MAX; PARTING])
+    }
+}
+
+impl Parting {
+    /// The first of them that parts this link too; it comes first then.
+    fn find(&mut self, parts: impl FnMut(usize) -> bool) -> Option<usize> {
+        let known = self.0.iter().map_while(|&i| (i != u32::MAX).then_some(i as usize));
+        let at = known.map(parts).position(|parts| parts)?;
+        self.0[..=at].rotate_right(1);
+        Some(self.0[0] as usize)
+    }
+
+    fn push(&mut self, place: usize) {
+        self.0.rotate_right(1);
+        self.0[0] = place as u32;
+    }
+}
+
+/// Strips that parted a vertex from particles: other particles' links to it are tested against them first.
+#[derive(Clone, Debug)]
+pub(super) struct AskedFirst {
+    of: VertexId,
+    strips: Vec<u32>,
+}
+
+/// As many as are kept.
+const ASKED: usize = 8;
+
+impl Default for AskedFirst {
+    fn default() -> Self {
+        Self { of: VertexId::NONE, strips: Vec::with_capacity(ASKED) }
+    }
+}
+
+impl AskedFirst {
+    /// Forgets all: strips have come or gone since.
+    pub(super) fn clear(&mut self) {
+        self.of = VertexId::NONE;
+    }
+
+    /// True if one of the strips that are known of `v` parts it from an anchor; it is asked first then.
+    fn parts(&mut self, strips: &Strips, rest: &[DVec3], anchor: VertexId, v: VertexId) -> bool {
+        let found = self.strips.iter().position(|&k| self.of == v && strips.crosses(k as usize, rest, v, anchor));
+        found.is_some_and(|at| {
+            self.strips[..=at].rotate_right(1);
+            true
+        })
+    }
+
+    fn note(&mut self, v: VertexId, parted: Option<u32>) {
+        if self.of != v {
+            self.of = v;
+            self.strips.clear();
+        }
+        if let Some(k) = parted {
+            self.strips.truncate(ASKED - 1);
+            self.strips.insert(0, k);
+        }
+    }
 }
 
 /// Strips that a vertex may know its side of, oldest first, with its outcodes; 0 where a known side stands against geometry.
@@ -123,8 +196,7 @@ struct NearStrips {
     seen: usize,
     /// Number of the anchor's lip sides when the outcodes were worked out.
     lips: usize,
-    /// Place in its list of the strip that parted the last link: it often parts the next one too.
-    parting: usize,
+    parting: Parting,
 }
 
 /// The strips that a particle's links may meet, by particle.
@@ -152,10 +224,16 @@ struct Sights {
     bounds: [Vec3A; 2],
     /// Coordinates of the normals of each of the four planes.
     normals: [[Vec4; 3]; 4],
+    /// [`Sight::before`].
+    before: [Vec4; 4],
 }
 
 impl Sights {
-    const NONE: Self = Self { bounds: [Vec3A::INFINITY, Vec3A::NEG_INFINITY], normals: [[Vec4::ZERO; 3]; 4] };
+    const NONE: Self = Self {
+        bounds: [Vec3A::INFINITY, Vec3A::NEG_INFINITY],
+        normals: [[Vec4::ZERO; 3]; 4],
+        before: [Vec4::ZERO, Vec4::ZERO, Vec4::ZERO, Vec4::INFINITY],
+    };
 
     fn set(&mut self, lane: usize, sight: &Sight, (low, high): (DVec3, DVec3)) {
         self.bounds = [self.bounds[0].min(below(low)), self.bounds[1].max(above(high))];
@@ -164,6 +242,7 @@ impl Sights {
                 normals[lane] = sight.normals[d][plane];
             }
         }
+        self.before.iter_mut().zip(sight.before).for_each(|(before, own)| before[lane] = own);
     }
 
     /// False only if no link from the anchor to a point of a box can meet any of the strips: `d` is the way to the box's middle, `half` its
@@ -173,8 +252,10 @@ impl Sights {
             return false;
         }
         let most = |[x, y, z]: [Vec4; 3]| x * d.x + y * d.y + z * d.z + (x.abs() * half.x + y.abs() * half.y + z.abs() * half.z);
+        let [x, y, z, height] = self.before;
+        let is_reached = most([x, y, z]).cmpge(height + slack);
         let [a, b, c, d] = self.normals.map(|plane| most(plane).cmpge(slack));
-        (a & b & c & d).any()
+        (is_reached & a & b & c & d).any()
     }
 
     /// Lanes whose strips a link may meet that goes by `d` and no further than `low` and `high`.
@@ -183,9 +264,11 @@ impl Sights {
         if (self.bounds[0].cmpgt(high) | self.bounds[1].cmplt(low)).any() {
             return 0;
         }
-        let above = |[x, y, z]: [Vec4; 3]| (x * d.x + y * d.y + z * d.z).cmpge(slack);
-        let [a, b, c, d] = self.normals.map(above);
-        (a & b & c & d).bitmask()
+        let along = |[x, y, z]: [Vec4; 3]| x * d.x + y * d.y + z * d.z;
+        let [x, y, z, height] = self.before;
+        let is_reached = along([x, y, z]).cmpge(height + slack);
+        let [a, b, c, d] = self.normals.map(|plane| along(plane).cmpge(slack));
+        (is_reached & a & b & c & d).bitmask()
     }
 }
 
@@ -251,33 +334,37 @@ impl LinkUnderTest<'_> {
 }
 
 impl NearStrips {
-    /// True if no strip lies between the anchor and `v`. `around` are the strips that `v` may know its side of, `batches` the [`Sights`]
+    /// A strip between the anchor and `v`, if there is one. `around` are the strips that `v` may know its side of, `batches` the [`Sights`]
     /// that the link may meet, newest first.
-    fn connects(
+    fn parted_by(
         &mut self,
         link: &mut LinkUnderTest<'_>,
         listed: Listed<'_>,
         radius: f64,
         around: &[(u32, u16)],
         batches: &[usize],
-    ) -> bool {
+    ) -> Option<u32> {
         let [a, p] = link.ends();
         let (d, slack) = ((p - a).as_vec3a(), Vec4::splat(Sight::slack(radius)));
         let bounds = (below(a.min(p)), above(a.max(p)));
-        if let Some(&strip) = listed.strips.get(self.parting)
-            && listed.sights[self.parting / BATCH].met(d, bounds, slack) >> (self.parting % BATCH) & 1 == 1
-            && link.crosses_listed(strip, around)
-        {
-            return false;
+        let parts = |i: usize| {
+            listed.strips.get(i).is_some_and(|&strip| {
+                listed.sights[i / BATCH].met(d, bounds, slack) >> (i % BATCH) & 1 == 1 && link.crosses_listed(strip, around)
+            })
+        };
+        if let Some(i) = self.parting.find(parts) {
+            return Some(listed.strips[i].0);
         }
         for &batch in batches {
             let mut met = listed.sights[batch].met(d, bounds, slack);
             while met != 0 {
                 let i = BATCH * batch + met.trailing_zeros() as usize;
                 met &= met - 1;
-                if listed.strips.get(i).is_some_and(|&s| link.crosses_listed(s, around)) {
-                    self.parting = i;
-                    return false;
+                if let Some(&strip) = listed.strips.get(i)
+                    && link.crosses_listed(strip, around)
+                {
+                    self.parting.push(i);
+                    return Some(strip.0);
                 }
             }
         }
@@ -291,10 +378,10 @@ impl NearStrips {
             }
             let code = older.last().filter(|s| s.0 == k).map_or(0, |s| s.1);
             if link.crosses_coded(k, [code, own]) {
-                return false;
+                return Some(k);
             }
         }
-        !listed.unlisted.iter().any(|&k| link.crosses(k))
+        listed.unlisted.iter().copied().find(|&k| link.crosses(k))
     }
 }
 
@@ -347,29 +434,35 @@ impl LinkTests {
         self.ends.iter_mut().chain([&mut self.spare_end]).for_each(TestedEnd::forget);
     }
 
-    /// True if no strip lies between the anchor of `j` and the vertex `v`, which is within the particle's radius.
+    /// True if no strip lies between the anchor of `j` and the vertex `v`, which is within the particle's radius. Other particles that
+    /// strips part from the vertex have `asked` before: a few strips are all around a shred.
     pub(super) fn connects(
         &mut self,
-        strips: &Strips,
-        rest: &[DVec3],
-        map: &ParticleMap,
-        settings: &ParticleSettings,
+        all: (&Strips, &[DVec3], &ParticleMap, &ParticleSettings),
         (j, v): (ParticleId, VertexId),
+        asked: &mut AskedFirst,
     ) -> bool {
-        let mut is_connected = false;
-        self.each_near((strips, rest, map, settings), j, &[v], |_, connects| is_connected = connects);
-        is_connected
+        let (strips, rest, map, _) = all;
+        if asked.parts(strips, rest, map.anchors[j.index()], v) {
+            return false;
+        }
+        let mut parted = None;
+        self.each_near(all, j, &[v], |_, by| parted = by);
+        asked.note(v, parted);
+        parted.is_none()
     }
 
-    /// Tells of each of `vertices`, which lie near one another and within the radius of `j`, whether no strip parts it from the anchor.
+    /// Tells of each of `vertices`, which lie near one another and within the radius of `j`, a strip that parts it from the anchor, if one
+    /// does.
     pub(super) fn each_near(
         &mut self,
         (strips, rest, map, settings): (&Strips, &[DVec3], &ParticleMap, &ParticleSettings),
         j: ParticleId,
         vertices: &[VertexId],
-        mut tell: impl FnMut(VertexId, bool),
+        mut tell: impl FnMut(VertexId, Option<u32>),
     ) {
         let radius = settings.radius_of(map, j);
+        self.tested += vertices.len();
         self.bring_up(strips, rest, map, radius, j);
         let anchor = map.anchors[j.index()];
         let at = rest[anchor.index()];
@@ -393,7 +486,7 @@ impl LinkTests {
             let TestedEnd { around, views, .. } = to;
             let is_lip = near.lips > 0;
             let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip, views: [&mut from.views, views] };
-            tell(v, near.connects(&mut link, listed, radius, around.of(strips, rest, v), batches));
+            tell(v, near.parted_by(&mut link, listed, radius, around.of(strips, rest, v), batches));
         }
         std::mem::swap(&mut ends[anchor.index() % ENDS], spare_end);
     }

@@ -21,7 +21,7 @@ pub struct MapUpdateReport {
     pub links_removed: usize,
     /// Influences removed since they crossed a new strip.
     pub influences_removed: usize,
-    /// Vertices that the update looked at.
+    /// Vertices that the update looked at, once for each particle and strip that it looked at them for.
     pub vertices_visited: usize,
 }
 

@@ -7,7 +7,7 @@
 use super::build::{link_weight, normalise};
 use super::cut_links::Codes;
 use super::flood::Flood;
-use super::link_tests::LinkTests;
+use super::link_tests::{AskedFirst, LinkTests};
 use super::links_wanted::{LinksWanted, ParticleBits};
 use super::map_edit::{LipVertex, MapEdit};
 use super::map_report::MapUpdateReport;
@@ -42,6 +42,7 @@ pub struct UpdateScratch {
     bits: ParticleBits,
     /// The tissue's, for the time of an update.
     pub(super) tests: LinkTests,
+    pub(super) asked: AskedFirst,
     pub(super) codes: Codes,
     reaches: Reaches,
     pub(super) work: Vec<VertexId>,
@@ -54,8 +55,8 @@ pub struct UpdateScratch {
     untried: Vec<ParticleId>,
     /// Vertices around one.
     ring: Vec<VertexId>,
-    /// Particles that no strip parts from an orphan, with their weights, in `orphans`.
-    pub(super) seen: Vec<(f64, ParticleId)>,
+    /// Particles within reach of an orphan, with their weights, in `orphans`.
+    pub(super) within: Vec<(f64, ParticleId)>,
     /// Particles whose links are to be found: new and re-anchored ones.
     pub(super) unlinked: Vec<ParticleId>,
     /// Rows that the update rewrote, as they were: vertex and range of `old_entries`.
@@ -117,8 +118,7 @@ pub fn update_after_edit(
     if update.find_zone() {
         update.cut_links();
         update.give_new_vertices_rows();
-        update.move_clipped_anchors();
-        let moved = update.hold_again();
+        let moved = update.move_clipped_anchors();
         update.regain();
         wound::add_particles(&mut update);
         update.link_particles(moved);
@@ -152,6 +152,7 @@ impl<'a, 'e> Update<'a, 'e> {
         scratch.old_rows.clear();
         scratch.old_entries.clear();
         scratch.tests = std::mem::take(&mut strips.places.links);
+        scratch.asked.clear();
         let report = std::mem::take(&mut scratch.report).emptied();
         Self { mesh, rest, map, strips, edit, settings, scratch, report }
     }
@@ -262,9 +263,9 @@ impl Update<'_, '_> {
             in_reach.clear();
             in_reach.extend(wanted.of(j).filter(|&v| reaches.weight(settings, map, rest, v, j) > 0.0));
             if !in_reach.is_empty() {
-                tests.each_near((strips, rest, map, settings), j, in_reach, |v, connects| {
+                tests.each_near((strips, rest, map, settings), j, in_reach, |v, parted_by| {
                     let row = rows.open(v, map);
-                    if connects { row.add(j) } else { row.refuse(j) }
+                    if parted_by.is_none() { row.add(j) } else { row.refuse(j) }
                 });
             }
         });
@@ -282,12 +283,13 @@ impl Update<'_, '_> {
 
     /// True if no strip lies between the anchor of `j` and `v`.
     pub(super) fn connects(&mut self, j: ParticleId, v: VertexId) -> bool {
-        self.scratch.tests.connects(self.strips, self.rest, self.map, self.settings, (j, v))
+        let UpdateScratch { tests, asked, .. } = &mut *self.scratch;
+        tests.connects((self.strips, self.rest, self.map, self.settings), (j, v), asked)
     }
 
     /// Particles whose anchor was clipped take the nearest vertex that they still hold, if it is near, on their side of
-    /// every strip and no anchor yet; else they retire.
-    fn move_clipped_anchors(&mut self) {
+    /// every strip and no anchor yet; else they retire. Returns how many have moved: what holds a vertex still leaves nothing to regain.
+    fn move_clipped_anchors(&mut self) -> usize {
         let clipped = |j: &ParticleId| !self.mesh.vertex_is_live(self.map.anchors[j.index()]);
         let mut lost = std::mem::take(&mut self.scratch.lost);
         lost.clear();
@@ -319,6 +321,8 @@ impl Update<'_, '_> {
             self.scratch.reaches.forget(j);
             if best.1.is_some() {
                 self.strips.places.anchors.insert(j.0, self.rest[best.1.index()]);
+                self.scratch.reaches.note(self.settings, self.map, self.rest, j);
+                self.hold_again(j, &holds);
                 self.scratch.unlinked.push(j);
                 self.report.reanchored.push(j);
             } else {
@@ -330,6 +334,7 @@ impl Update<'_, '_> {
         (self.scratch.lost, self.scratch.work) = (lost, holds);
         let map = &*self.map;
         self.scratch.near.retain(|j| map.anchors[j.index()].is_some());
+        self.scratch.unlinked.len()
     }
 
     /// True if a particle near the wound is anchored to `v`.
@@ -426,17 +431,16 @@ impl Update<'_, '_> {
         j
     }
 
-    /// Finds the influences of re-anchored particles and returns how many those are. Most of what they held they hold again, and
-    /// what holds a vertex still leaves nothing to regain.
-    fn hold_again(&mut self) -> usize {
-        let moved = self.scratch.unlinked.len();
-        for i in 0..moved {
-            self.find_influences(self.scratch.unlinked[i]);
-        }
-        moved
+    /// A re-anchored particle holds again what it held, as far as it may from its new place: what it held is covered as before, and
+    /// around the new anchor others hold what it did not.
+    fn hold_again(&mut self, j: ParticleId, held: &[VertexId]) {
+        let UpdateScratch { in_reach, reaches, .. } = &mut *self.scratch;
+        in_reach.clear();
+        in_reach.extend(held.iter().filter(|&&v| reaches.weight(self.settings, self.map, self.rest, v, j) > 0.0));
+        self.hold_in_reach(j);
     }
 
-    /// Finds the neighbours of new and re-anchored particles, and the influences of all but the first `moved`.
+    /// Finds the neighbours of new and re-anchored particles, and the influences of all but the first `moved`, which hold theirs.
     pub(super) fn link_particles(&mut self, moved: usize) {
         while let Some(j) = self.scratch.unlinked.pop() {
             if self.scratch.unlinked.len() >= moved {
@@ -450,15 +454,25 @@ impl Update<'_, '_> {
     fn find_influences(&mut self, j: ParticleId) {
         let anchor = self.map.anchors[j.index()];
         self.scratch.flood.ball(self.mesh, self.rest, anchor, self.settings.radius_of(self.map, j));
-        let Self { rest, settings, scratch, .. } = self;
-        let (map, strips, rest, settings) = (&*self.map, &*self.strips, *rest, *settings);
-        let UpdateScratch { flood, rows, reaches, tests, in_reach, .. } = &mut **scratch;
+        let UpdateScratch { flood, rows, reaches, in_reach, .. } = &mut *self.scratch;
+        let (map, settings) = (&*self.map, self.settings);
         in_reach.clear();
-        in_reach.extend(flood.reached.iter().copied().filter(|&v| reaches.weight(settings, map, rest, v, j) > 0.0));
-        // what the flood has reached together lies together
+        // a full row that nothing has left takes nobody in: what was there goes before what comes
+        let most = settings.max_influences + EXTRA_INFLUENCES;
+        let has_room = |v: &VertexId| rows.is_open(*v) || map.influences.row(v.index()).len() < most;
+        let is_within = |v: &VertexId| reaches.weight(settings, map, self.rest, *v, j) > 0.0;
+        in_reach.extend(flood.reached.iter().copied().filter(has_room).filter(is_within));
+        self.hold_in_reach(j);
+    }
+
+    /// A particle holds those of the vertices in reach that no strip parts from it.
+    fn hold_in_reach(&mut self, j: ParticleId) {
+        let (map, strips, rest, settings) = (&*self.map, &*self.strips, self.rest, self.settings);
+        let UpdateScratch { rows, tests, in_reach, .. } = &mut *self.scratch;
+        // what stands side by side in the list mostly lies together
         for near in in_reach.chunks(TOGETHER) {
-            tests.each_near((strips, rest, map, settings), j, near, |v, connects| {
-                if connects {
+            tests.each_near((strips, rest, map, settings), j, near, |v, parted_by| {
+                if parted_by.is_none() {
                     rows.open(v, map).add(j);
                 }
             });
@@ -561,6 +575,7 @@ impl Update<'_, '_> {
 
     pub(super) fn finish(self) -> MapUpdateReport {
         let Self { strips, scratch, mut report, map, .. } = self;
+        report.vertices_visited += std::mem::take(&mut scratch.tests.tested);
         strips.places.links = std::mem::take(&mut scratch.tests);
         let bits = &mut scratch.bits;
         bits.fit(map.len());

@@ -30,35 +30,42 @@ impl Update<'_, '_> {
         }
     }
 
+    /// Of the particles within reach that no strip parts from the vertex, the strongest that edges lead to, else none.
     fn nearest_connected(&mut self, v: VertexId) -> Option<ParticleId> {
-        // those that no strip parts from the orphan, strongest first; often there is none
-        let mut seen = std::mem::take(&mut self.scratch.seen);
-        seen.clear();
-        for i in 0..self.scratch.near.len() {
-            let j = self.scratch.near[i];
-            let weight = self.weight(v, j);
-            if weight > 0.0 && self.connects(j, v) {
-                seen.push((weight, j));
-            }
-        }
-        seen.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let Self { mesh, rest, map, settings, .. } = self;
-        let anchor = |j: ParticleId| map.anchors[j.index()];
-        let flood = &mut self.scratch.flood;
-        let best = seen.first().and_then(|&(_, first)| {
-            let (p, reach) = (rest[v.index()], 2.0 * settings.radius);
-            let (mut is_found, mut visited) = (anchor(first) == v, 0);
-            flood.run(mesh, &[v], |w| {
-                let is_reached = !is_found && visited < ORPHAN_FLOOD && is_within(rest[w.index()], p - reach, p + reach);
-                is_found |= w == anchor(first);
-                visited += 1;
-                is_reached
-            });
-            let found = seen.iter().map(|s| s.1).find(|&j| flood.has_reached(anchor(j)));
-            if is_found { Some(first) } else { found }
+        let mut within = std::mem::take(&mut self.scratch.within);
+        within.clear();
+        let near = self.scratch.near.iter();
+        within.extend(near.map(|&j| (self.weight(v, j), j)).filter(|(weight, _)| *weight > 0.0));
+        within.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut next = within.iter().map(|w| w.1);
+        // often there is none at all; mostly edges lead to the strongest
+        let found = next.by_ref().find(|&j| self.connects(j, v)).and_then(|first| {
+            let is_found = self.flood_to(v, self.map.anchors[first.index()]);
+            let others = |&j: &ParticleId| self.has_reached(j) && self.connects(j, v);
+            if is_found { Some(first) } else { next.find(others) }
         });
-        self.scratch.seen = seen;
-        best
+        self.scratch.within = within;
+        found
+    }
+
+    /// True if edges lead from one vertex to another through the vertices nearby; if none do, the flood has reached all of those that
+    /// it may.
+    fn flood_to(&mut self, v: VertexId, to: VertexId) -> bool {
+        let Self { mesh, rest, settings, .. } = *self;
+        let (p, reach) = (rest[v.index()], 2.0 * settings.radius);
+        let (mut is_found, mut visited) = (to == v, 0);
+        self.scratch.flood.run(mesh, &[v], |w| {
+            let is_reached = !is_found && visited < ORPHAN_FLOOD && is_within(rest[w.index()], p - reach, p + reach);
+            is_found |= w == to;
+            visited += 1;
+            is_reached
+        });
+        is_found
+    }
+
+    /// True if the last flood has reached a particle's anchor.
+    fn has_reached(&self, j: ParticleId) -> bool {
+        self.scratch.flood.has_reached(self.map.anchors[j.index()])
     }
 
     /// [`Update::link_particles`] for a particle that holds what no other reaches, often a shred between slits: its flood does not
@@ -68,9 +75,10 @@ impl Update<'_, '_> {
         let Self { mesh, rest, map, strips, settings, .. } = self;
         let anchor = map.anchors[j.index()];
         let (centre, radius) = (rest[anchor.index()], settings.radius_of(map, j));
-        let UpdateScratch { flood, tests, .. } = &mut *self.scratch;
+        let UpdateScratch { flood, tests, asked, .. } = &mut *self.scratch;
         flood.run(mesh, &[anchor], |v| {
-            rest[v.index()].distance_squared(centre) <= radius * radius && tests.connects(strips, rest, map, settings, (j, v))
+            rest[v.index()].distance_squared(centre) <= radius * radius
+                && tests.connects((strips, rest, map, settings), (j, v), asked)
         });
         for i in 0..self.scratch.flood.reached.len() {
             let v = self.scratch.flood.reached[i];

@@ -2,19 +2,21 @@
 
 use glam::{DVec3, Vec3A, Vec4};
 
-/// The directions in which a point sees a strip: a cone of four planes through the point, one a lane.
+/// How a point sees a strip: the directions, a cone of four planes through the point, one a lane; and how far it is off.
 #[derive(Clone, Copy, Debug)]
 pub struct Sight {
     pub(super) from: DVec3,
     /// Coordinates of the normals, which have unit length or, where a plane bounds nothing, none.
     pub normals: [Vec4; 3],
+    /// A plane before the strip: its unit normal, away from the point, and how far the point is from it; zeros where there is none.
+    pub before: [f32; 4],
     pub(super) slack: f32,
 }
 
 impl Sight {
     /// A point that every direction counts for.
     pub fn everywhere(from: DVec3) -> Self {
-        Self { from, normals: [Vec4::ZERO; 3], slack: 0.0 }
+        Self { from, normals: [Vec4::ZERO; 3], before: [0.0; 4], slack: 0.0 }
     }
 
     /// How far below the planes a point within `radius` of the one that looks may seem and be on them: a thousand roundings.
@@ -28,7 +30,9 @@ impl Sight {
     #[inline]
     pub fn may_meet(&self, p: DVec3) -> bool {
         let ([x, y, z], d) = (self.normals, (p - self.from).as_vec3());
-        (x * d.x + y * d.y + z * d.z).cmpge(Vec4::splat(self.slack)).all()
+        let [nx, ny, nz, height] = self.before;
+        nx * d.x + ny * d.y + nz * d.z >= height + self.slack
+            && (x * d.x + y * d.y + z * d.z).cmpge(Vec4::splat(self.slack)).all()
     }
 
     /// [`Sight::may_meet`] for any point of a box.
@@ -38,6 +42,8 @@ impl Sight {
         let most = x * d.x + y * d.y + z * d.z + (x.abs() * half.x + y.abs() * half.y + z.abs() * half.z);
         // roundings of places are those of the box's and the point's own size
         let doubt = 1e-6 * (low.abs().max(high.abs()) + from.abs()).element_sum();
-        most.cmpge(Vec4::splat(self.slack - doubt)).all()
+        let [nx, ny, nz, height] = self.before;
+        let n = Vec3A::new(nx, ny, nz);
+        n.dot(d) + n.abs().dot(half) >= height + self.slack - doubt && most.cmpge(Vec4::splat(self.slack - doubt)).all()
     }
 }

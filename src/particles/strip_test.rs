@@ -215,7 +215,20 @@ impl StripGeometry {
                 }
             }
         }
-        Sight { from, normals: normals.map(Vec4::from_array), slack: Sight::slack(radius) }
+        let before = self.plane_before(corners);
+        Sight { from, normals: normals.map(Vec4::from_array), before, slack: Sight::slack(radius) }
+    }
+
+    /// [`Sight::before`] for the way to each corner: over the strip, or where that tells less, across the way to its middle.
+    fn plane_before(&self, corners: [DVec3; 4]) -> [f32; 4] {
+        let middle = corners.into_iter().sum::<DVec3>().normalize_or_zero();
+        let height = |n: DVec3| corners.into_iter().map(|c| n.dot(c)).fold(f64::INFINITY, f64::min);
+        let over = if self.normal.dot(middle) < 0.0 { -self.normal } else { self.normal };
+        let [h, m] = [over, middle].map(height);
+        match if h >= m { (over, h) } else { (middle, m) } {
+            (n, height) if height > 0.0 => [n.x as f32, n.y as f32, n.z as f32, height as f32],
+            _ => [0.0; 4],
+        }
     }
 
     /// True if the outcodes of two points without known sides show that the link between them does not cross: both beyond one

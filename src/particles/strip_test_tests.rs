@@ -1,6 +1,7 @@
 //! Links and strips: what crosses, what does not, and what lips know.
 
 use super::*;
+use crate::particles::test_models::noise;
 
 /// A strip in the plane y = 0 from x = 0 to 1, tip at z = -1, base at z = 0; side +1 is towards -y.
 fn strip(d: f64) -> StripGeometry {
@@ -59,6 +60,34 @@ fn a_point_in_a_strip_sees_it_on_both_sides() {
     assert!(!beside.may_meet(DVec3::new(1.0, 0.5, 0.3)) && !beside.may_meet(DVec3::new(1.0, 0.5, -0.3)));
     let above = strip.sight(DVec3::new(0.4, 0.3, 0.01), 1.0);
     assert!(above.may_meet(DVec3::new(0.4, 0.3, -0.3)) && !above.may_meet(DVec3::new(0.4, 0.3, 0.3)));
+}
+
+#[test]
+fn a_point_sees_no_further_than_the_strip() {
+    let draw = |i: u64| DVec3::from_array([0, 1, 2].map(|d| noise(3 * i + d) - 0.5));
+    let (mut crossing, mut short, mut seen) = (0, 0, 0);
+    for i in 0..4_000 {
+        let [a, b, c, d, e] = [0, 1, 2, 3, 4].map(|k| draw(5 * i + k));
+        // twisted, leaning and flat ones, some no wider than a hair
+        let strip = StripGeometry::new([a, a + 0.3 * b, a + 0.3 * b + 0.5 * c, a + 0.5 * c + 0.1 * (i % 3) as f64 * d], 0.05);
+        let (from, towards) = (1.5 * d, a + 0.15 * b + 0.25 * c + 0.3 * e);
+        let way = 1.6 * (towards - from);
+        let sight = strip.sight(from, 2.5);
+        for share in [0.2, 0.4, 0.6, 0.8, 1.0] {
+            let p = from + way * share;
+            if strip.crosses(from, p) {
+                crossing += 1;
+                assert!(sight.may_meet(p), "{i} {share}");
+                let (low, high) = ((p - 0.01).as_vec3a(), (p + 0.02).as_vec3a());
+                assert!(sight.may_meet_box(low, high), "{i} {share}");
+            } else if strip.crosses(from, from + way) {
+                short += 1;
+                seen += usize::from(sight.may_meet(p));
+            }
+        }
+    }
+    assert!(crossing > 300 && short > 300, "{crossing} cross, {short} end before");
+    assert!(seen < short / 2, "{seen} of {short} links that end before the strip are looked at");
 }
 
 #[test]
