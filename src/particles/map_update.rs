@@ -434,10 +434,18 @@ impl Update<'_, '_> {
     /// A re-anchored particle holds again what it held, as far as it may from its new place: what it held is covered as before, and
     /// around the new anchor others hold what it did not.
     fn hold_again(&mut self, j: ParticleId, held: &[VertexId]) {
-        let UpdateScratch { in_reach, reaches, .. } = &mut *self.scratch;
+        let (map, strips, rest, settings) = (&*self.map, &*self.strips, self.rest, self.settings);
+        let UpdateScratch { rows, reaches, tests, in_reach, .. } = &mut *self.scratch;
         in_reach.clear();
-        in_reach.extend(held.iter().filter(|&&v| reaches.weight(self.settings, self.map, self.rest, v, j) > 0.0));
-        self.hold_in_reach(j);
+        in_reach.extend(held.iter().filter(|&&v| reaches.weight(settings, map, rest, v, j) > 0.0));
+        // what stands side by side in the list mostly lies together
+        for near in in_reach.chunks(TOGETHER) {
+            tests.each_near((strips, rest, map, settings), j, near, |v, parted_by| {
+                if parted_by.is_none() {
+                    rows.open(v, map).add(j);
+                }
+            });
+        }
     }
 
     /// Finds the neighbours of new and re-anchored particles, and the influences of all but the first `moved`, which hold theirs.
@@ -450,32 +458,32 @@ impl Update<'_, '_> {
         }
     }
 
-    /// A particle holds all vertices around its anchor that it may.
-    fn find_influences(&mut self, j: ParticleId) {
-        let anchor = self.map.anchors[j.index()];
-        self.scratch.flood.ball(self.mesh, self.rest, anchor, self.settings.radius_of(self.map, j));
-        let UpdateScratch { flood, rows, reaches, in_reach, .. } = &mut *self.scratch;
-        let (map, settings) = (&*self.map, self.settings);
-        in_reach.clear();
+    /// A particle holds the vertices around its anchor, as far as its radius and as the next strip: what lies round a corner has
+    /// particles of its own.
+    pub(super) fn find_influences(&mut self, j: ParticleId) {
+        let (map, strips, rest, settings) = (&*self.map, &*self.strips, self.rest, self.settings);
+        let UpdateScratch { flood, rows, reaches, tests, in_reach, .. } = &mut *self.scratch;
+        let (anchor, radius) = (map.anchors[j.index()], settings.radius_of(map, j));
+        let centre = rest[anchor.index()];
+        flood.run_together(self.mesh, anchor, |few| {
+            in_reach.clear();
+            in_reach.extend(few.iter().filter(|v| rest[v.index()].distance_squared(centre) <= radius * radius));
+            let mut seen = 0;
+            if !in_reach.is_empty() {
+                tests.each_near((strips, rest, map, settings), j, in_reach, |v, parted_by| {
+                    let place = few.iter().position(|&w| w == v).unwrap_or_default();
+                    seen |= u32::from(parted_by.is_none()) << place;
+                });
+            }
+            seen
+        });
         // a full row that nothing has left takes nobody in: what was there goes before what comes
         let most = settings.max_influences + EXTRA_INFLUENCES;
-        let has_room = |v: &VertexId| rows.is_open(*v) || map.influences.row(v.index()).len() < most;
-        let is_within = |v: &VertexId| reaches.weight(settings, map, self.rest, *v, j) > 0.0;
-        in_reach.extend(flood.reached.iter().copied().filter(has_room).filter(is_within));
-        self.hold_in_reach(j);
-    }
-
-    /// A particle holds those of the vertices in reach that no strip parts from it.
-    fn hold_in_reach(&mut self, j: ParticleId) {
-        let (map, strips, rest, settings) = (&*self.map, &*self.strips, self.rest, self.settings);
-        let UpdateScratch { rows, tests, in_reach, .. } = &mut *self.scratch;
-        // what stands side by side in the list mostly lies together
-        for near in in_reach.chunks(TOGETHER) {
-            tests.each_near((strips, rest, map, settings), j, near, |v, parted_by| {
-                if parted_by.is_none() {
-                    rows.open(v, map).add(j);
-                }
-            });
+        for &v in &flood.reached {
+            let has_room = rows.is_open(v) || map.influences.row(v.index()).len() < most;
+            if has_room && reaches.weight(settings, map, rest, v, j) > 0.0 {
+                rows.open(v, map).add(j);
+            }
         }
     }
 

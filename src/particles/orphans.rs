@@ -1,6 +1,6 @@
 //! Vertices that an update leaves without a particle (MATHS 3.2).
 
-use super::map_update::{Update, UpdateScratch, is_within};
+use super::map_update::{Update, is_within};
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
 
@@ -23,7 +23,7 @@ impl Update<'_, '_> {
                 Some(j) => self.scratch.rows.open(v, self.map).add(j),
                 None => {
                     self.add_particle(v, DVec3::ZERO);
-                    self.link_orphan();
+                    self.link_particles(0);
                     self.scratch.rows.list(&mut self.scratch.work);
                 }
             }
@@ -66,26 +66,5 @@ impl Update<'_, '_> {
     /// True if the last flood has reached a particle's anchor.
     fn has_reached(&self, j: ParticleId) -> bool {
         self.scratch.flood.has_reached(self.map.anchors[j.index()])
-    }
-
-    /// [`Update::link_particles`] for a particle that holds what no other reaches, often a shred between slits: its flood does not
-    /// go on beyond a strip. What lies around a corner has particles of its own.
-    fn link_orphan(&mut self) {
-        let Some(j) = self.scratch.unlinked.pop() else { return };
-        let Self { mesh, rest, map, strips, settings, .. } = self;
-        let anchor = map.anchors[j.index()];
-        let (centre, radius) = (rest[anchor.index()], settings.radius_of(map, j));
-        let UpdateScratch { flood, tests, asked, .. } = &mut *self.scratch;
-        flood.run(mesh, &[anchor], |v| {
-            rest[v.index()].distance_squared(centre) <= radius * radius
-                && tests.connects((strips, rest, map, settings), (j, v), asked)
-        });
-        for i in 0..self.scratch.flood.reached.len() {
-            let v = self.scratch.flood.reached[i];
-            if self.weight(v, j) > 0.0 {
-                self.scratch.rows.open(v, self.map).add(j);
-            }
-        }
-        self.find_neighbours(j, anchor);
     }
 }
