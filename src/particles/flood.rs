@@ -168,7 +168,7 @@ impl Flood {
         &self.reached
     }
 
-    /// The same from one live vertex, where `inside` is asked about a few at a time: see [`FanQueue::spread_together`].
+    /// The same from one live vertex, where `inside` is asked about a few at a time: the first is the lowest bit of its answer.
     pub fn run_together(&mut self, mesh: &Mesh, from: VertexId, mut inside: impl FnMut(&[VertexId]) -> u32) -> &[VertexId] {
         self.begin(mesh, &[from]);
         let (taken, reached) = (2 * self.round + 1, &mut self.reached);

@@ -5,7 +5,7 @@ use super::lists::Lists;
 use super::particle_map::ParticleMap;
 use super::settings::ParticleSettings;
 use super::sight::Sight;
-use super::strip_test::{KnownSide, LipView, StripGeometry};
+use super::strip_test::{KnownSide, LinkEnd, LipView, StripGeometry};
 use super::strips::{LipSide, Strips};
 use crate::geometry::room::{fit, with_headroom};
 use crate::geometry::{ParticleId, VertexId};
@@ -80,7 +80,8 @@ impl Parting {
 #[derive(Clone, Debug)]
 pub(super) struct AskedFirst {
     of: VertexId,
-    strips: Vec<u32>,
+    /// With the vertex as the end of a link, and how it lies to the strip where it knows its side.
+    strips: Vec<(u32, LinkEnd, Option<LipView>)>,
 }
 
 /// As many as are kept.
@@ -100,21 +101,33 @@ impl AskedFirst {
 
     /// True if one of the strips that are known of `v` parts it from an anchor; it is asked first then.
     fn parts(&mut self, strips: &Strips, rest: &[DVec3], anchor: VertexId, v: VertexId) -> bool {
-        let found = self.strips.iter().position(|&k| self.of == v && strips.crosses(k as usize, rest, v, anchor));
-        found.is_some_and(|at| {
+        if self.of != v {
+            return false;
+        }
+        let crosses = |(k, end, view): &(u32, LinkEnd, Option<LipView>)| {
+            let k = *k as usize;
+            let ends = [*end, strips.link_end(k, rest, anchor)];
+            strips.geometry(k).crosses_viewed(ends, |end, known| match view {
+                Some(view) if end == 0 => *view,
+                _ => strips.lip_view(k, rest, [v, anchor][end], known),
+            })
+        };
+        self.strips.iter().position(crosses).is_some_and(|at| {
             self.strips[..=at].rotate_right(1);
             true
         })
     }
 
-    fn note(&mut self, v: VertexId, parted: Option<u32>) {
+    fn note(&mut self, (strips, rest): (&Strips, &[DVec3]), v: VertexId, parted: Option<u32>) {
         if self.of != v {
             self.of = v;
             self.strips.clear();
         }
         if let Some(k) = parted {
+            let end = strips.link_end(k as usize, rest, v);
+            let view = end.side.map(|known| strips.lip_view(k as usize, rest, v, known));
             self.strips.truncate(ASKED - 1);
-            self.strips.insert(0, k);
+            self.strips.insert(0, (k, end, view));
         }
     }
 }
@@ -448,7 +461,7 @@ impl LinkTests {
         }
         let mut parted = None;
         self.each_near(all, j, &[v], |_, by| parted = by);
-        asked.note(v, parted);
+        asked.note((strips, rest), v, parted);
         parted.is_none()
     }
 

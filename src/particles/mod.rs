@@ -45,6 +45,7 @@ pub use poisson::{PoissonScratch, sample, sample_count, sample_with};
 pub use quality::{SampleQuality, sample_quality};
 pub use settings::{ParticleSettings, SettingsError, WoundSettings};
 pub use strip_test::StripGeometry;
+pub(crate) use strips::StripsDerived;
 pub use strips::{LipSide, Strip, StripError, Strips, StripsDelta, WoundMark};
 pub use ways_round::WaysRound;
 pub use wound::release_slit;

@@ -36,14 +36,21 @@ impl Update<'_, '_> {
         within.clear();
         let near = self.scratch.near.iter();
         within.extend(near.map(|&j| (self.weight(v, j), j)).filter(|(weight, _)| *weight > 0.0));
-        within.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        let mut next = within.iter().map(|w| w.1);
-        // often there is none at all; mostly edges lead to the strongest
-        let found = next.by_ref().find(|&j| self.connects(j, v)).and_then(|first| {
-            let is_found = self.flood_to(v, self.map.anchors[first.index()]);
-            let others = |&j: &ParticleId| self.has_reached(j) && self.connects(j, v);
-            if is_found { Some(first) } else { next.find(others) }
-        });
+        // often there is none at all, and mostly edges lead to the strongest: so nothing is put in order yet
+        let mut first: Option<(f64, ParticleId)> = None;
+        for &(weight, j) in &within {
+            let is_stronger = first.is_none_or(|(most, k)| weight > most || weight == most && j < k);
+            if is_stronger && self.connects(j, v) {
+                first = Some((weight, j));
+            }
+        }
+        let mut found = first.map(|f| f.1);
+        if let Some(first) = found
+            && !self.flood_to(v, self.map.anchors[first.index()])
+        {
+            within.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+            found = within.iter().map(|w| w.1).find(|&j| self.has_reached(j) && self.connects(j, v));
+        }
         self.scratch.within = within;
         found
     }

@@ -16,6 +16,7 @@ use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use parry3d::bounding_volume::Aabb;
 use parry3d::partitioning::Bvh;
+use std::sync::Arc;
 use thiserror::Error;
 
 /// Strips that room is made for at first.
@@ -66,16 +67,22 @@ pub struct Strips {
     /// Vertices that are or once were lips: most are none, and a bit says so where a row is far away. Not hashed.
     known_lips: VertexSet,
     pub(super) wounds: Tracked<WoundMark>,
-    /// Derived from `strips`, one for one; not hashed.
-    geometry: Vec<StripGeometry>,
-    along: Vec<Along>,
-    bvh: Bvh,
+    /// Not hashed.
+    derived: Arc<StripsDerived>,
     /// Largest [`StripGeometry::margin`] of all strips that ever were, metres.
     largest_margin: f64,
     /// Scratch.
     row: Vec<LipSide>,
-    /// Derived from mesh and particle map by the updates; not hashed.
+    /// StripsDerived from mesh and particle map by the updates; not hashed.
     pub(super) places: Places,
+}
+
+/// What is derived from strips, one for one. Pieces that come off together share it until one of them is torn on its own.
+#[derive(Clone, Default)]
+pub(crate) struct StripsDerived {
+    geometry: Vec<StripGeometry>,
+    along: Vec<Along>,
+    bvh: Bvh,
 }
 
 /// What an edit changed in [`Strips`].
@@ -203,7 +210,7 @@ impl Strips {
     /// True if the segment between two rest positions crosses no strip.
     pub fn connects(&self, a: DVec3, b: DVec3) -> bool {
         let query = aabb(a.min(b), a.max(b));
-        !self.bvh.intersect_aabb(&query).any(|k| self.geometry[k as usize].crosses(a, b))
+        !self.derived.bvh.intersect_aabb(&query).any(|k| self.derived.geometry[k as usize].crosses(a, b))
     }
 
     /// [`Strips::connects`] for two vertices: lip vertices are tested by their known side.
@@ -220,7 +227,7 @@ impl Strips {
     pub(super) fn each_crossed(&self, rest: &[DVec3], a: VertexId, b: VertexId, mut is_enough: impl FnMut(usize) -> bool) {
         let (p, q) = (rest[a.index()], rest[b.index()]);
         let query = aabb(p.min(q), p.max(q));
-        if self.bvh.intersect_aabb(&query).any(|k| self.crosses(k as usize, rest, a, b) && is_enough(k as usize)) {
+        if self.derived.bvh.intersect_aabb(&query).any(|k| self.crosses(k as usize, rest, a, b) && is_enough(k as usize)) {
             return;
         }
         // A known side may stand against geometry, so those strips are tested wherever the segment lies.
@@ -232,7 +239,7 @@ impl Strips {
     pub fn crosses(&self, k: usize, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
         let ends = [a, b];
         let view = |end: usize, known| self.lip_view(k, rest, ends[end], known);
-        self.geometry[k].crosses_viewed(ends.map(|end| self.link_end(k, rest, end)), view)
+        self.derived.geometry[k].crosses_viewed(ends.map(|end| self.link_end(k, rest, end)), view)
     }
 
     /// A vertex as the end of a link that may cross strip `k`.
@@ -243,19 +250,19 @@ impl Strips {
     /// How a vertex that knows its side of strip `k` lies to it.
     pub(super) fn lip_view(&self, k: usize, rest: &[DVec3], v: VertexId, known: KnownSide) -> LipView {
         let at = rest[v.index()];
-        self.geometry[k].view_of_lip(at, known, self.telling_lip(k, v).and_then(|lip| self.beside(k, lip, at)))
+        self.derived.geometry[k].view_of_lip(at, known, self.telling_lip(k, v).and_then(|lip| self.beside(k, lip, at)))
     }
 
     /// Where a vertex at `at` that knows its side of strip `k` by `lip`, of a neighbour of it, is on its side of that one, if it lies
     /// beyond it.
     fn beside(&self, k: usize, lip: &LipSide, at: DVec3) -> Option<DVec3> {
         let by = lip.strip as usize;
-        if by == k { None } else { self.geometry[by].on_side(at, lip.side as i8) }
+        if by == k { None } else { self.derived.geometry[by].on_side(at, lip.side as i8) }
     }
 
     /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.
     pub(super) fn code_of(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
-        let code = self.geometry[k].outcode(rest[v.index()]);
+        let code = self.derived.geometry[k].outcode(rest[v.index()]);
         let stands_against =
             |lip: &LipSide| !StripGeometry::is_on_side(code, lip.side as i8) || self.beside(k, lip, rest[v.index()]).is_some();
         if self.telling_lip(k, v).is_some_and(stands_against) { 0 } else { code }
@@ -283,7 +290,7 @@ impl Strips {
         if sides.is_empty() {
             return None;
         }
-        let Along { last, next, .. } = self.along[k];
+        let Along { last, next, .. } = self.derived.along[k];
         let mut by = [None; 2];
         for lip in sides {
             match lip.strip {
@@ -298,35 +305,35 @@ impl Strips {
 
     /// The strip that strip `k` goes on from, if there is one: they share an edge.
     pub(super) fn last_of(&self, k: usize) -> Option<usize> {
-        Some(self.along[k].last).filter(|&m| m != NONE).map(|m| m as usize)
+        Some(self.derived.along[k].last).filter(|&m| m != NONE).map(|m| m as usize)
     }
 
     /// Strip `k` and those that share an edge with it, in the order of the blade.
     pub(super) fn around(&self, k: usize) -> impl Iterator<Item = usize> + use<> {
-        let Along { last, next, .. } = self.along[k];
+        let Along { last, next, .. } = self.derived.along[k];
         [last, k as u32, next].into_iter().filter(|&m| m != NONE).map(|m| m as usize)
     }
 
     /// The extended geometry of strip `k`.
     pub fn geometry(&self, k: usize) -> &StripGeometry {
-        &self.geometry[k]
+        &self.derived.geometry[k]
     }
 
     /// Strips whose extended bounds meet a box, sorted, into `out` (cleared first).
     pub fn near(&self, low: DVec3, high: DVec3, out: &mut Vec<u32>) {
         out.clear();
-        out.extend(self.bvh.intersect_aabb(&aabb(low, high)));
+        out.extend(self.derived.bvh.intersect_aabb(&aabb(low, high)));
         out.sort_unstable();
     }
 
     /// First strip of the slit that strip `k` belongs to.
     pub fn slit_start(&self, k: usize) -> usize {
-        self.along[k].start
+        self.derived.along[k].start
     }
 
     /// Where strip `k` begins along its slit and how long it is there, metres.
     pub(super) fn stretch(&self, k: usize) -> (f64, f64) {
-        (self.along[k].before, self.along[k].length)
+        (self.derived.along[k].before, self.derived.along[k].length)
     }
 
     /// At least the largest [`StripGeometry::margin`] of all strips, metres.
@@ -357,20 +364,26 @@ impl Strips {
         self.known_lips.reserve(headroom(vertices), with_headroom(vertices));
         self.wounds.make_room();
         self.row.reserve(LIPS_ROOM);
-        self.geometry.reserve(STROKES_ROOM);
-        self.along.reserve(STROKES_ROOM);
+        let derived = Arc::make_mut(&mut self.derived);
+        derived.geometry.reserve(STROKES_ROOM);
+        derived.along.reserve(STROKES_ROOM);
         self.places.make_room(vertices, particles);
-        if self.bvh.is_empty() {
+        if derived.bvh.is_empty() {
             // a tree keeps the room of its leaves
             let leaf = |k: u32| aabb(DVec3::splat(f64::from(k)), DVec3::splat(f64::from(k)));
-            (0..STROKES_ROOM as u32).for_each(|k| self.bvh.insert(leaf(k), k));
-            (0..STROKES_ROOM as u32).for_each(|k| self.bvh.remove(k));
+            (0..STROKES_ROOM as u32).for_each(|k| derived.bvh.insert(leaf(k), k));
+            (0..STROKES_ROOM as u32).for_each(|k| derived.bvh.remove(k));
         }
     }
 
+    /// What is derived from the strips, for pieces that come off together: this tissue goes on with its own, and the room that it has.
+    pub(crate) fn derived_copy(&self) -> Arc<StripsDerived> {
+        Arc::new((*self.derived).clone())
+    }
+
     /// The strips as a severed piece keeps them: all of them, with the lips of its own vertices; wound marks are to follow by
-    /// [`Strips::take_wounds`]. `vertices[new]` is the old vertex of each of the piece's.
-    pub fn extract(&self, vertices: &[VertexId]) -> Self {
+    /// [`Strips::take_wounds`]. `vertices[new]` is the old vertex of each of the piece's, `derived` [`Strips::derived_copy`].
+    pub(crate) fn extract(&self, vertices: &[VertexId], derived: &Arc<StripsDerived>) -> Self {
         let known = self.lips.rows();
         let row = |v: &VertexId| (v.index() < known).then(|| v.index());
         let lips = if known > 0 { self.lips.gather(vertices.iter().map(row), |lip| *lip) } else { SlotCsr::default() };
@@ -378,9 +391,7 @@ impl Strips {
             strips: self.strips.to_vec().into(),
             known_lips: (0..lips.rows()).filter(|&v| !lips.row(v).is_empty()).map(VertexId::new).collect(),
             lips,
-            geometry: self.geometry.clone(),
-            along: self.along.clone(),
-            bvh: self.bvh.clone(),
+            derived: derived.clone(),
             largest_margin: self.largest_margin,
             ..Self::default()
         }
@@ -436,12 +447,12 @@ impl Strips {
                 return Err(format!("strip {k} is not finite"));
             }
             let fresh = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
-            if self.geometry.get(k).map(|g| g.triangles) != Some(fresh.triangles) {
+            if self.derived.geometry.get(k).map(|g| g.triangles) != Some(fresh.triangles) {
                 return Err(format!("strip {k} has stale geometry"));
             }
         }
-        if self.geometry.len() != self.len() || self.bvh.leaf_count() as usize != self.len() {
-            return Err(format!("{} strips, {} in the tree", self.len(), self.bvh.leaf_count()));
+        if self.derived.geometry.len() != self.len() || self.derived.bvh.leaf_count() as usize != self.len() {
+            return Err(format!("{} strips, {} in the tree", self.len(), self.derived.bvh.leaf_count()));
         }
         for v in 0..self.lips.rows() {
             for lip in self.lips.row(v) {
@@ -458,23 +469,24 @@ impl Strips {
 
     /// Brings derived data in line: strips are only ever appended, or taken away from the end by an undo.
     fn derive(&mut self) {
-        for k in self.len()..self.geometry.len() {
-            self.bvh.remove(k as u32);
+        let (strips, StripsDerived { geometry, along, bvh }) = (&self.strips, Arc::make_mut(&mut self.derived));
+        for k in strips.len()..geometry.len() {
+            bvh.remove(k as u32);
         }
-        self.geometry.truncate(self.len());
-        if self.along.len() > self.len() {
-            self.along.truncate(self.len());
-            let len = self.len() as u32;
-            self.along.iter_mut().filter(|a| a.next >= len).for_each(|a| a.next = NONE);
+        geometry.truncate(strips.len());
+        if along.len() > strips.len() {
+            along.truncate(strips.len());
+            let len = strips.len() as u32;
+            along.iter_mut().filter(|a| a.next >= len).for_each(|a| a.next = NONE);
         }
-        for k in self.geometry.len()..self.len() {
-            let strip = &self.strips[k];
-            let geometry = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
-            self.bvh.insert(aabb(geometry.low, geometry.high), k as u32);
-            self.largest_margin = self.largest_margin.max(geometry.margin);
-            self.geometry.push(geometry);
-            let along = Along::new(&self.strips, &mut self.along, k);
-            self.along.push(along);
+        for k in geometry.len()..strips.len() {
+            let strip = &strips[k];
+            let new = StripGeometry::new(strip.corners.map(DVec3::from_array), strip.reach);
+            bvh.insert(aabb(new.low, new.high), k as u32);
+            self.largest_margin = self.largest_margin.max(new.margin);
+            geometry.push(new);
+            let new = Along::new(strips, along, k);
+            along.push(new);
         }
     }
 }

@@ -119,10 +119,10 @@ fn bad_strips_are_refused_and_bad_states_found() {
     strips.wounds.push(WoundMark { particle: ParticleId(0), strip: 4, along: 0.0, side: 1, padding: 0 });
     assert!(strips.validate().unwrap_err().contains("wound"));
     let mut strips = good.clone();
-    strips.geometry.clear();
+    Arc::make_mut(&mut strips.derived).geometry.clear();
     assert!(strips.validate().unwrap_err().contains("stale"));
     let mut strips = good;
-    strips.bvh.remove(0);
+    Arc::make_mut(&mut strips.derived).bvh.remove(0);
     assert!(strips.validate().unwrap_err().contains("tree"));
 }
 

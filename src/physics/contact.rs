@@ -6,9 +6,10 @@
 //! and is let go as soon as the body would have to pull. The way of a particle through a step is swept in the body's own frame,
 //! so a fast instrument carries along what it met instead of jumping over it. The reaction goes to the body.
 
+use super::body::Body;
 use super::network::Network;
 use super::rigid::{RigidPose, Solid};
-use super::world::{Body, BodyId, RigidWorld};
+use super::world::{BodyId, RigidWorld};
 use crate::geometry::ParticleId;
 use glam::DVec3;
 

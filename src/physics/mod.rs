@@ -6,6 +6,7 @@
 //! hands and loose pieces; [`Contacts`] is what one soft layer touches of it.
 
 mod activity;
+mod body;
 pub mod contact;
 pub mod direct_displacement;
 mod implicit;

@@ -4,6 +4,7 @@
 //! for the beginning and the end of the step, so that contacts can be swept. Without loose bodies rapier is never stepped:
 //! an instrument alone costs nothing here.
 
+use super::body::{Body, DAMPING, Push};
 use super::network::Network;
 use super::rigid::{RigidPose, RigidShape, Solid};
 use crate::geometry::ParticleId;
@@ -28,16 +29,6 @@ pub const GRAVITY: f64 = 9.81;
 /// A loose body moves no faster than this many lengths of the world in a second.
 const FASTEST: f64 = 100.0;
 
-/// What damps a loose body, linear and angular, 1/s.
-const DAMPING: [f32; 2] = [0.3, 1.0];
-/// A loose body that nothing has stirred for so many seconds is damped the more, this much more in every second after, and sleeps after
-/// this many unless it falls. Rapier's own sleep looks at velocities, and a heap of hulls may rock on its corners for ever.
-const STIRRED_S: f64 = 1.5;
-const CALMING: f64 = 20.0;
-const STILL_S: f64 = 4.0;
-/// What falls has more than this share of the speed at which damping bears its weight.
-const FALLS: f64 = 0.5;
-
 /// How fast a piece follows the hand that holds it, Hz.
 const CARRYING: f64 = 8.0;
 /// Width and depth of the table, in lengths of the world.
@@ -57,40 +48,6 @@ const NEAR: f64 = 0.02;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct BodyId(pub u32);
 
-/// What the soft layers do to a body in one step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Push {
-    /// N, and N m about the world's origin.
-    pub force: DVec3,
-    pub torque: DVec3,
-    /// How the force answers to a move of the body: N/m, N s/m, and the same for turns about the body's origin.
-    pub stiffness: f64,
-    pub damping: f64,
-    pub turn_stiffness: f64,
-    pub turn_damping: f64,
-}
-
-/// A body, and what has been done to it.
-#[derive(Clone)]
-pub(super) struct Body {
-    handle: Option<RigidBodyHandle>,
-    pub solid: Solid,
-    pub before: RigidPose,
-    pub now: RigidPose,
-    next: Option<RigidPose>,
-    /// Loose bodies only: kg.
-    mass: f64,
-    pub push: Push,
-    /// Force that the soft layers put on it before the last step.
-    felt: DVec3,
-    /// True until its first step: what it then overlaps, it was born in.
-    pub fresh: bool,
-    /// Whether soft layers feel it.
-    soft: bool,
-    /// For how long nothing has stirred it, s.
-    still_s: f64,
-}
-
 /// Bodies, their poses, and rapier.
 pub struct RigidWorld {
     world: PhysicsWorld,
@@ -101,6 +58,11 @@ pub struct RigidWorld {
     /// The table among `bodies`.
     table: Option<BodyId>,
     loose: usize,
+    /// Instruments and the like that soft layers feel, ascending, and how many loose bodies they feel: a heap of pieces is long.
+    felt: Vec<BodyId>,
+    felt_loose: usize,
+    /// Something has come or gone since the last step.
+    stirred: bool,
 }
 
 /// How much faster bodies of this `length` fall through their own size than those of [`SMALL`] do: contacts have to be as much stiffer
@@ -120,20 +82,31 @@ impl RigidWorld {
         *length_unit = length as f32;
         contact_softness.natural_frequency *= haste(length) as f32;
         static_contact_softness.natural_frequency *= haste(length) as f32;
-        Self { world, bodies: BTreeMap::new(), next: 0, up, length, table: None, loose: 0 }
-    }
-
-    /// Something comes or goes that loose bodies may lie on: none is about to lie still.
-    fn stir(&mut self) {
-        self.bodies.values_mut().for_each(|b| b.still_s = 0.0);
+        let (felt, felt_loose, stirred) = (Vec::new(), 0, false);
+        Self { world, bodies: BTreeMap::new(), next: 0, up, length, table: None, loose: 0, felt, felt_loose, stirred }
     }
 
     fn insert(&mut self, body: Body) -> BodyId {
-        self.stir();
+        // loose bodies may come to lie on it
+        self.stirred = true;
         let id = BodyId(self.next);
         self.next += 1;
-        self.bodies.insert(id, body);
+        let soft = body.soft;
+        self.bodies.insert(id, Body { soft: false, ..body });
+        self.set_felt(id, soft);
         id
+    }
+
+    /// Says whether soft layers feel a body.
+    fn set_felt(&mut self, id: BodyId, felt: bool) {
+        let Some(body) = self.bodies.get_mut(&id).filter(|b| b.soft != felt) else { return };
+        body.soft = felt;
+        match (body.is_loose(), felt) {
+            (true, true) => self.felt_loose += 1,
+            (true, false) => self.felt_loose -= 1,
+            (false, true) => self.felt.insert(self.felt.partition_point(|f| *f < id), id),
+            (false, false) => self.felt.retain(|f| *f != id),
+        }
     }
 
     /// Adds an instrument or a hand that goes where [`RigidWorld::drive`] says. `None` if shape or pose make no sense.
@@ -164,7 +137,7 @@ impl RigidWorld {
         let is_scrap = solid.ball().1 < SCRAP * self.length;
         let (is, touches) = if is_scrap { (SCRAPS, Group::ALL & !LOOSE & !SCRAPS) } else { (LOOSE, Group::ALL) };
         let id = self.add_loose((shape, solid), groups(is, touches), mass, pose)?;
-        self.body_mut(id)?.soft = false;
+        self.set_felt(id, false);
         Some(id)
     }
 
@@ -227,9 +200,7 @@ impl RigidWorld {
 
     /// Lets a loose body pass through all stands: soft layers bear it from now on.
     pub fn pass_stands(&mut self, id: BodyId) {
-        if let Some(body) = self.body_mut(id) {
-            body.soft = true;
-        }
+        self.set_felt(id, true);
         if let Some(collider) = collider_of(&self.world, self.bodies.get(&id).and_then(|b| b.handle)) {
             let collider = &mut self.world.colliders[collider];
             let groups = collider.collision_groups();
@@ -263,7 +234,9 @@ impl RigidWorld {
 
     /// Takes a body away; unknown ones are ignored.
     pub fn remove(&mut self, id: BodyId) {
-        self.stir();
+        // loose bodies may have lain on it
+        self.stirred = true;
+        self.set_felt(id, false);
         if let Some(body) = self.bodies.remove(&id) {
             self.loose -= usize::from(body.mass > 0.0);
             if let Some(handle) = body.handle {
@@ -336,7 +309,7 @@ impl RigidWorld {
 
     /// True if there is no body that soft layers may feel.
     pub fn is_empty(&self) -> bool {
-        self.touching(None).next().is_none()
+        self.felt.is_empty() && self.felt_loose == 0
     }
 
     /// True if no body moves or is about to.
@@ -351,8 +324,10 @@ impl RigidWorld {
 
     /// Bodies that a soft layer feels, given the body that it is on itself, if any: loose pieces meet as rigid bodies.
     pub(super) fn touching(&self, own: Option<BodyId>) -> impl Iterator<Item = (BodyId, &Body)> {
-        let feels = move |body: &Body| body.soft && (own.is_none() || !body.is_loose());
-        self.bodies.iter().filter(move |(_, body)| feels(body)).map(|(id, body)| (*id, body))
+        let among_all = own.is_none() && self.felt_loose > 0;
+        let all = self.bodies.iter().take_while(move |_| among_all).filter(|(_, body)| body.soft);
+        let instruments = self.felt.iter().take_while(move |_| !among_all);
+        all.map(|(id, body)| (*id, body)).chain(instruments.filter_map(|id| Some((*id, self.bodies.get(id)?))))
     }
 
     pub(super) fn body(&self, id: BodyId) -> Option<&Body> {
@@ -372,6 +347,10 @@ impl RigidWorld {
         for body in self.bodies.values_mut() {
             body.before = body.now;
             body.now = body.next.take().unwrap_or(body.now);
+        }
+        if std::mem::take(&mut self.stirred) {
+            // none is about to lie still
+            self.bodies.values_mut().for_each(|b| b.still_s = 0.0);
         }
         self.wake_by_force();
         let driven = self.bodies.values().any(Body::moved);
@@ -403,6 +382,11 @@ impl RigidWorld {
         }
         let table = self.table.and_then(|id| self.bodies.get(&id)).map(|b| b.now.translation.dot(self.up));
         for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
+            // rapier takes every body that it hands out for writing as changed
+            let sleeps = |r: &RigidBody| r.is_sleeping() && from_rapier(r.position()) == body.now;
+            if body.handle.and_then(|handle| self.world.bodies.get(handle)).is_some_and(sleeps) {
+                continue;
+            }
             let Some(rigid) = body.handle.and_then(|handle| self.world.bodies.get_mut(handle)) else { continue };
             rigid.reset_forces(false);
             rigid.reset_torques(false);
@@ -473,43 +457,6 @@ impl RigidWorld {
             rigid.add_force(whole.as_vec3(), false);
             rigid.add_torque((share * (about - h * turn_stiffness * spin)).as_vec3(), false);
         }
-    }
-}
-
-impl Body {
-    fn new(handle: Option<RigidBodyHandle>, solid: Solid, pose: RigidPose, mass: f64) -> Self {
-        let (push, felt) = (Push::default(), DVec3::ZERO);
-        Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh: true, soft: true, still_s: 0.0 }
-    }
-
-    /// Something stirs it.
-    fn rouse(&mut self, world: &mut PhysicsWorld) {
-        self.still_s = 0.0;
-        if let Some(handle) = self.handle {
-            world.wake_up(handle, true);
-        }
-    }
-
-    /// Damps a body that nothing stirs, and lets it sleep in the end.
-    fn calm(&mut self, rigid: &mut RigidBody, h: f64) {
-        self.still_s += h;
-        let factor = 1.0 + CALMING * (self.still_s - STIRRED_S).max(0.0);
-        let [linear, angular] = DAMPING.map(|d| d * factor as f32);
-        rigid.set_linear_damping(linear);
-        rigid.set_angular_damping(angular);
-        if self.still_s > STILL_S && f64::from(rigid.linvel().length() * linear) < FALLS * GRAVITY {
-            rigid.sleep();
-        }
-    }
-
-    /// True if the last step moved it.
-    pub fn moved(&self) -> bool {
-        self.before != self.now
-    }
-
-    /// True for bodies that fall.
-    pub fn is_loose(&self) -> bool {
-        self.mass > 0.0
     }
 }
 

@@ -310,8 +310,9 @@ impl Scene {
         }
         self.move_grabs();
         let Rigid { world, loose, .. } = &mut self.rigid;
+        let rests = world.is_resting();
         for (id, tissue) in &mut self.tissues {
-            tissue.touch(world, loose.get(id).map(|hull| hull.body), h);
+            tissue.touch((world, rests), loose.get(id).map(|hull| hull.body), h);
             tissue.step(h);
         }
         for (id, tissue) in &self.tissues {

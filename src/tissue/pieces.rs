@@ -5,9 +5,10 @@
 
 use super::{SoftLayer, Tissue};
 use crate::geometry::{Components, Extraction, FaceId, HalfEdge, ParticleId, SectionId, VertexId};
-use crate::particles::{ParticleMap, RowBefore};
+use crate::particles::{ParticleMap, RowBefore, StripsDerived};
 use crate::rig::{RowEntry, VertexRows};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// A piece whose sections are on average this much emptier than they may be gets new ones.
 const SPARSE: usize = 4;
@@ -34,8 +35,10 @@ impl Tissue {
         let mut map = std::mem::take(&mut self.scratch.extraction);
         let mut gone = Vec::new();
         let mut pieces = Vec::with_capacity(parts.len());
+        let strips =
+            self.layer.as_ref().filter(|_| !parts.is_empty()).map(|layer| layer.strips.derived_copy()).unwrap_or_default();
         for faces in parts.iter().filter(|faces| !faces.is_empty()) {
-            let piece = self.extract(faces, &mut map);
+            let piece = self.extract(faces, &mut map, &strips);
             let first = gone.len();
             gone.reserve(map.vertex_from.len());
             gone.extend(piece.mesh.live_vertices().map(|v| map.vertex_from[v.index()]));
@@ -123,7 +126,7 @@ impl Tissue {
     }
 
     /// A tissue of `faces`. They stay here as well.
-    fn extract(&self, faces: &[FaceId], map: &mut Extraction) -> Box<Tissue> {
+    fn extract(&self, faces: &[FaceId], map: &mut Extraction, strips: &Arc<StripsDerived>) -> Box<Tissue> {
         let rows = &self.rows;
         let mesh = self.mesh.extract(faces, |v| rows.rows.row(v.index()).iter().map(|e| e.base), map);
         let mut piece = Box::new(Tissue {
@@ -149,7 +152,7 @@ impl Tissue {
             piece.tally = Default::default();
         }
         if let Some(layer) = &self.layer {
-            let (own, rows_before) = layer.extract(&piece, map, &self.rest);
+            let (own, rows_before) = layer.extract(&piece, map, &self.rest, strips);
             piece.layer = Some(own);
             if layer.network.settings().rotations {
                 let stood = |v: VertexId| (v, self.position(map.vertex_from[v.index()]));
@@ -209,8 +212,14 @@ fn springs(map: &ParticleMap, p: usize) -> impl Iterator<Item = (u32, f32)> + '_
 
 impl SoftLayer {
     /// The layer of a piece, with the displacements and velocities of its particles, and the rows of its vertices that changed.
-    fn extract(&self, piece: &Tissue, map: &Extraction, rest: &[DVec3]) -> (SoftLayer, Vec<RowBefore>) {
-        let mut strips = self.strips.extract(&map.vertex_from);
+    fn extract(
+        &self,
+        piece: &Tissue,
+        map: &Extraction,
+        rest: &[DVec3],
+        strips: &Arc<StripsDerived>,
+    ) -> (SoftLayer, Vec<RowBefore>) {
+        let mut strips = self.strips.extract(&map.vertex_from, strips);
         let vertices = (&map.vertex_from[..], &map.vertex_to[..]);
         let part = self.map.extract((&piece.mesh, &piece.rest, &strips), vertices, rest);
         strips.take_wounds(&self.strips, &part.from);

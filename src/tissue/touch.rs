@@ -53,15 +53,16 @@ impl Tissue {
 
     /// Finds what touches the skin at the end of a step of `h` seconds and holds those particles at the bodies' surfaces. `own`:
     /// the tissue's own body, if it is loose. To be called after the world's step and before [`Tissue::step`]; then
-    /// [`Tissue::react`]. Costs nothing while there is no body, or nothing moves.
-    pub fn touch(&mut self, world: &mut RigidWorld, own: Option<BodyId>, h: f64) {
+    /// [`Tissue::react`]. Costs nothing while there is no body, or nothing moves: `world_rests` says [`RigidWorld::is_resting`], which is
+    /// the same for all tissues.
+    pub fn touch(&mut self, (world, world_rests): (&mut RigidWorld, bool), own: Option<BodyId>, h: f64) {
         if (world.is_empty() && self.touch.contacts.is_empty()) || self.layer.is_none() {
             return;
         }
         let stale = self.refresh_skin();
         let asleep = self.layer.as_ref().is_some_and(|l| !l.network.awake());
         let moved = std::mem::replace(&mut self.touch.seen_frame, self.frame) != self.frame;
-        if asleep && !stale && !moved && world.is_resting() && !self.touch.contacts.has_lost_a_body(world) {
+        if asleep && !stale && !moved && world_rests && !self.touch.contacts.has_lost_a_body(world) {
             return;
         }
         let Some(layer) = &mut self.layer else { return };
