@@ -60,8 +60,8 @@ pub struct Tear {
     /// Its format (default: what its ending says, else glb).
     #[arg(long, value_enum)]
     format: Option<Format>,
-    /// Write the tear's boxes, as OBJ: one closed object each, chain<k>_box<i>. With --width 0: its strips, two triangles
-    /// each, chain<k>_slit<i>.
+    /// Write the tear's boxes, as OBJ: one closed object each, `chain<k>_box<i>`. With --width 0: its strips, two triangles
+    /// each, `chain<k>_slit<i>`.
     #[arg(long, value_name = "FILE.obj")]
     boxes: Option<PathBuf>,
     /// Write the particle map after the tear, as JSON. Of a model that was severed, that of the piece which stays.

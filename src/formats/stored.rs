@@ -5,7 +5,7 @@ use glam::DVec3;
 
 /// Colour of a vertex without one.
 pub(crate) const WHITE: u32 = u32::MAX;
-/// [`StoredVertices::marks`] of a vertex without a mark.
+/// [`Stored::marks`] of a vertex without a mark.
 pub(crate) const NO_MARK: u32 = u32::MAX;
 
 /// Corner attributes of a stored face.
