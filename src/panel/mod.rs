@@ -156,9 +156,7 @@ mod tests {
         let mut actions = Vec::new();
         // sections that an earlier click has closed are open again
         panel.context.memory_mut(|memory| memory.data.clear());
-        // twice at rest: what is told finds its height in its first frame
-        let hovers = [(Some(at), None); 2];
-        for (at, press) in hovers.into_iter().chain([(Some(at), Some(true)), (Some(at), Some(false)), (None, None)]) {
+        for (at, press) in [(Some(at), None), (Some(at), Some(true)), (Some(at), Some(false)), (None, None)] {
             let mut frame = panel.run_pointer(size, at, press, state);
             actions.extend(frame.actions);
             frame.textures.clear();
@@ -205,6 +203,38 @@ mod tests {
         }
         assert!(reached.contains(&PanelAction::SaveConfig) && reached.contains(&PanelAction::Undo), "{reached:?}");
         assert!(taken_away > 0, "OK takes it away");
+    }
+
+    /// From where to where, downwards, the words of an error are drawn, points.
+    fn told_between(frame: &PanelFrame) -> (f32, f32) {
+        let meshes = frame.jobs.iter().filter_map(|job| match &job.primitive {
+            egui::epaint::Primitive::Mesh(mesh) => Some(mesh),
+            egui::epaint::Primitive::Callback(_) => None,
+        });
+        let trouble = meshes.flat_map(|m| &m.vertices).filter(|v| v.color == sections::TROUBLE).map(|v| v.pos.y);
+        trouble.fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), y| (low.min(y), high.max(y)))
+    }
+
+    #[test]
+    fn what_a_board_tells_stands_where_it_stays_from_its_first_frame_on() {
+        for words in [4, 20, 60] {
+            let notice = Notice { text: "cannot write here; ".repeat(words), error: true };
+            let mut state = PanelState { in_room: true, ..PanelState::default() };
+            let mut panel = Panel::new();
+            let mut told = Vec::new();
+            for frame in 0..5 {
+                if frame == 2 {
+                    state.notice = Some(notice.clone());
+                }
+                let mut frame = panel.run_pointer(([360.0, 600.0], 2.0), None, None, &mut state);
+                frame.textures.clear();
+                told.push(told_between(&frame));
+            }
+            assert!(told[1].0 > told[1].1, "nothing to be told: {told:?}");
+            let (top, bottom) = told[2];
+            assert_eq!(told[2..], [told[2]; 3], "it moves");
+            assert!(top > 100.0 && bottom > top && bottom < 600.0 - 20.0, "an OK fits below {top}..{bottom}");
+        }
     }
 
     #[test]

@@ -63,9 +63,16 @@ pub fn all(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         });
     });
     ui.separator();
-    if state.in_room {
-        told_below(ui, state);
-    }
+    // from below, so that what is told has its place and its height in the frame in which it comes
+    ui.with_layout(egui::Layout::bottom_up(egui::Align::Min), |ui| {
+        if state.in_room {
+            told_below(ui, state);
+        }
+        ui.with_layout(egui::Layout::top_down(egui::Align::Min), |ui| column(ui, state, actions));
+    });
+}
+
+fn column(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     ScrollArea::vertical().auto_shrink([false, false]).show(ui, |ui| {
         section(ui, "Model", true, |ui| model(ui, state, actions));
         section(ui, "Edits", true, |ui| edits(ui, state, actions));
@@ -428,6 +435,8 @@ fn plot(ui: &mut Ui, state: &PanelState) {
 }
 
 const WARNING: Color32 = Color32::from_rgb(225, 150, 70);
+/// The words of an error.
+pub const TROUBLE: Color32 = Color32::from_rgb(240, 130, 110);
 
 /// A slider that leaves a value alone until it is moved: others round and clamp what they only show.
 fn slider<'a>(value: &'a mut f64, range: std::ops::RangeInclusive<f64>) -> Slider<'a> {
@@ -450,17 +459,24 @@ fn length(metres: f64) -> String {
 }
 
 /// What there is to be told, with a button that takes it away. Returns whether that was pressed.
-fn notice(ui: &mut Ui, notice: &Notice) -> bool {
-    let colour = if notice.error { Color32::from_rgb(240, 130, 110) } else { ui.visuals().text_color() };
-    ui.colored_label(colour, &notice.text);
+fn notice(ui: &mut Ui, told: &Notice) -> bool {
+    told_text(ui, told);
     ui.button("OK").clicked()
 }
 
+fn told_text(ui: &mut Ui, told: &Notice) {
+    let colour = if told.error { TROUBLE } else { ui.visuals().text_color() };
+    ui.colored_label(colour, &told.text);
+}
+
 /// What there is to be told, in a row of its own at the lower edge: nothing moves under a hand that is about to press, and nothing is
-/// covered. What it takes is taken from the column that scrolls.
+/// covered. What it takes is taken from the column that scrolls. `ui` goes upwards: egui's own panel at a lower edge stands where its
+/// size of the frame before puts it, and in its first frame that is a guess.
 fn told_below(ui: &mut Ui, state: &mut PanelState) {
-    let told = state.notice.as_ref();
-    let pressed = told.is_some_and(|told| egui::Panel::bottom("notice").resizable(false).show(ui, |ui| notice(ui, told)).inner);
+    let Some(told) = &state.notice else { return };
+    let pressed = ui.button("OK").clicked();
+    told_text(ui, told);
+    ui.separator();
     if pressed {
         state.notice = None;
     }
