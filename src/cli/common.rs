@@ -55,7 +55,7 @@ pub struct ParticleArgs {
     #[arg(long, value_name = "METRES", allow_negative_numbers = true)]
     pub neighbours: Option<f64>,
     /// Seed of the sampling.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
 }
 

@@ -36,7 +36,7 @@ pub struct Headless {
     #[arg(long, value_name = "NAME")]
     animation: Option<String>,
     /// Seed of the particle sampling (default: the script's).
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     seed: Option<u64>,
     /// Number of frames (default: the script's; without a script 1 s of the animation, or 1 frame at rest).
     #[arg(long, value_name = "N", allow_negative_numbers = true,

@@ -31,7 +31,7 @@ pub struct Vr {
     #[arg(long, value_name = "NAME")]
     animation: Option<String>,
     /// Seed of the particle sampling.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, allow_negative_numbers = true)]
     seed: u64,
     /// Leave after so many frames.
     #[arg(long, value_name = "N")]

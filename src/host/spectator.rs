@@ -4,6 +4,7 @@
 //! [`Spectator::ready`] once a frame and takes what is there.
 
 use crate::gpu::Context;
+use crate::host::words_of_window;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
@@ -287,7 +288,7 @@ impl Onlooker {
         };
         self.answer(Answer::Open(events.create_proxy()));
         if let Err(why) = events.run_app(&mut self) {
-            self.answer(Answer::Refused(why.to_string()));
+            self.answer(Answer::Refused(words_of_window(why)));
         }
     }
 
@@ -333,7 +334,7 @@ impl Onlooker {
 fn event_loop() -> Result<EventLoop<Ask>, String> {
     let mut builder = EventLoop::<Ask>::with_user_event();
     off_the_main_thread(&mut builder)?;
-    builder.build().map_err(|e| e.to_string())
+    builder.build().map_err(words_of_window)
 }
 
 #[cfg(target_os = "windows")]
@@ -364,7 +365,7 @@ impl ApplicationHandler<Ask> for Onlooker {
         match events.create_window(attributes) {
             Ok(window) => self.window = Some(Arc::new(window)),
             Err(why) => {
-                self.answer(Answer::Refused(why.to_string()));
+                self.answer(Answer::Refused(words_of_window(why)));
                 events.exit();
             }
         }

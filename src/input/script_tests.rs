@@ -116,6 +116,20 @@ fn a_cut_takes_a_plane_points_or_the_poses_of_a_blade() {
 }
 
 #[test]
+fn a_number_that_cannot_be_is_told_as_it_was_written() {
+    for (text, words) in [
+        ("step = 1e-300", "step = 1e-300: it"),
+        ("step = 0", "step = 0: it"),
+        ("speed = -0.25", "speed = -0.25: it"),
+        ("speed = nan", "speed = NaN: it"),
+        ("[camera]\neye = [1e300, 0, 0.5]", "eye = [1e300, 0, 0.5]: it has to be three finite numbers, none beyond 1e12"),
+    ] {
+        let error = Script::parse(text, Path::new("s.toml")).unwrap_err().to_string();
+        assert!(error.contains(words), "{text}: {error}");
+    }
+}
+
+#[test]
 fn the_whole_format_parses() {
     let s = load(FULL);
     assert_eq!((s.model.as_deref(), s.animation.as_deref(), s.speed, s.seed), (Some("beam"), Some("bend"), 0.5, 7));

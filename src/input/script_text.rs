@@ -192,7 +192,16 @@ fn check(raw: RawScript, text: &str, origin: &Path) -> Checked<Script> {
 fn number(key: &str, value: Option<&Number>, holds: fn(f64) -> bool, rule: &str) -> Checked<Option<f64>> {
     let Some(value) = value else { return Ok(None) };
     let x = *value.get_ref();
-    if x.is_finite() && holds(x) { Ok(Some(x)) } else { fault(value.span(), format!("{key} = {x}: it has to be {rule}")) }
+    if x.is_finite() && holds(x) {
+        Ok(Some(x))
+    } else {
+        fault(value.span(), format!("{key} = {}: it has to be {rule}", shown(x)))
+    }
+}
+
+/// A number as a person would write it: without hundreds of zeros.
+fn shown(x: f64) -> String {
+    if x == 0.0 || (1e-6..1e15).contains(&x.abs()) { format!("{x}") } else { format!("{x:e}") }
 }
 
 fn positive(key: &str, value: Option<&Number>) -> Checked<Option<f64>> {
@@ -219,7 +228,10 @@ fn point(key: &str, value: &Point) -> Checked<DVec3> {
     if p.abs().cmple(DVec3::splat(1e12)).all() {
         Ok(p)
     } else {
-        fault(value.span(), format!("{key} has to be three finite numbers"))
+        fault(
+            value.span(),
+            format!("{key} = [{}]: it has to be three finite numbers, none beyond 1e12", p.to_array().map(shown).join(", ")),
+        )
     }
 }
 

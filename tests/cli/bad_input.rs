@@ -159,6 +159,7 @@ fn poses_and_particles() {
     place.refused("particles beam --spacing 0.1 --radius 0.1", &["radius", "above the spacing"]);
     place.refused("particles beam --spacing 0.1 --radius -1", &["radius", "-1", "above 0"]);
     place.refused("particles beam --neighbours NaN", &["neighbours", "NaN"]);
+    place.refused("particles beam --seed -1", &["'-1'", "--seed"]);
     let warned = place.run("particles beam --spacing 0.1 --radius 0.12 --json");
     assert!(warned.code == 0 && warned.stderr.contains("1.5 times"), "{}", warned.stderr);
     let still = place.run("particles beam --time 0.5");

@@ -10,6 +10,7 @@ use super::{DesktopError, DesktopRun, Loaded, Setup};
 use crate::diagnostics::Stages;
 use crate::gpu::GpuError;
 use crate::gpu::ui::UiFrame;
+use crate::host::words_of_window;
 use crate::host::writer::{Album, Order, Wake as WakeCall};
 use crate::input::tools::{Button, Modifiers};
 use crate::panel::{Panel, PanelAction, short_name};
@@ -43,7 +44,7 @@ pub(super) fn run(setup: Setup, first: Loaded) -> Result<DesktopRun, DesktopErro
     let built = std::panic::catch_unwind(|| EventLoop::<Wake>::with_user_event().build());
     let events = match built {
         Ok(Ok(events)) => events,
-        Ok(Err(why)) => return Err(DesktopError::NoDisplay(why.to_string())),
+        Ok(Err(why)) => return Err(DesktopError::NoDisplay(words_of_window(why))),
         Err(_) => {
             let hint =
                 "a library of the window system is missing: `apt-get install libxkbcommon-x11-0 libx11-xcb1 libxcursor1 libxi6`";
@@ -52,7 +53,7 @@ pub(super) fn run(setup: Setup, first: Loaded) -> Result<DesktopRun, DesktopErro
     };
     let proxy = events.create_proxy();
     let mut desktop = Desktop { begin: Some((setup, first)), live: None, proxy, failure: None };
-    events.run_app(&mut desktop).map_err(|e| DesktopError::NoWindow(e.to_string()))?;
+    events.run_app(&mut desktop).map_err(|e| DesktopError::NoWindow(words_of_window(e)))?;
     if let Some(failure) = desktop.failure {
         return Err(failure);
     }
@@ -148,7 +149,7 @@ impl Live {
             .with_title(title(&first.name))
             .with_inner_size(LogicalSize::new(setup.size.0, setup.size.1))
             .with_min_inner_size(LogicalSize::new(LEAST_SIZE.0, LEAST_SIZE.1));
-        let window = Arc::new(events.create_window(attributes).map_err(|e| DesktopError::NoWindow(e.to_string()))?);
+        let window = Arc::new(events.create_window(attributes).map_err(|e| DesktopError::NoWindow(words_of_window(e)))?);
         let screen = Screen::new(events, &window)?;
         let (panel, state) = panel_on(&window, &screen, events, repaint_by(&proxy));
         let waker = proxy.clone();
