@@ -22,6 +22,11 @@ pub enum Plane {
     },
 }
 
+/// Largest number of a plane's equation: its square is finite.
+const FARTHEST: f64 = 1e150;
+/// Largest coordinate of a plane's points: its third power is finite.
+const FARTHEST_POINT: f64 = 1e100;
+
 impl Plane {
     /// Value of the plane at `p`: its sign is exact for the plane as given, its size is rounded and scales with the
     /// plane's representation. Zero exactly on the plane.
@@ -64,6 +69,17 @@ impl Plane {
         match *self {
             Plane::Points([a, b, c]) => (b - a).cross(c - a).normalize_or_zero(),
             Plane::Equation { normal, .. } => normal.normalize_or_zero(),
+        }
+    }
+
+    /// True if it is one: finite, with a normal that is not zero, and nowhere so far away that products with it would not be finite.
+    pub fn is_sound(&self) -> bool {
+        let within = |p: DVec3, most: f64| p.abs().max_element() <= most && p.is_finite();
+        match *self {
+            Plane::Points(points) => points.iter().all(|&p| within(p, FARTHEST_POINT)) && self.normal() != DVec3::ZERO,
+            Plane::Equation { normal, offset } => {
+                within(normal, FARTHEST) && offset.abs() <= FARTHEST && normal.normalize_or_zero() != DVec3::ZERO
+            }
         }
     }
 
@@ -221,6 +237,18 @@ mod tests {
         let tilted = Plane::Points([DVec3::ZERO, DVec3::X, DVec3::Y]);
         assert!(tilted.value(DVec3::Z) > 0.0 && tilted.flipped().value(DVec3::Z) < 0.0);
         assert_eq!(tilted.value(DVec3::new(0.3, 0.7, 0.0)), 0.0);
+    }
+
+    #[test]
+    fn what_is_no_plane_is_told_from_what_is_one() {
+        let equation = |normal: [f64; 3], offset| Plane::Equation { normal: normal.into(), offset }.is_sound();
+        assert!(equation([0.0, -3.0, 0.0], 1e9) && equation([1e-9, 0.0, 0.0], 0.0));
+        assert!(!equation([0.0; 3], 1.0) && !equation([f64::NAN, 1.0, 0.0], 0.0) && !equation([1.0, f64::INFINITY, 0.0], 0.0));
+        assert!(!equation([1.0, 0.0, 0.0], f64::NAN) && !equation([1.0, 0.0, 0.0], 1e200) && !equation([1e200, 0.0, 0.0], 0.0));
+        let points = |c: DVec3| Plane::Points([DVec3::ZERO, DVec3::X, c]).is_sound();
+        assert!(points(DVec3::Y) && points(DVec3::new(0.0, 1e30, 0.0)));
+        assert!(!points(DVec3::ZERO) && !points(DVec3::X * 2.0) && !points(DVec3::NAN) && !points(DVec3::Z * f64::INFINITY));
+        assert!(!points(DVec3::Y * 1e200));
     }
 
     #[test]

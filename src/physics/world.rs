@@ -20,12 +20,16 @@ use std::collections::BTreeMap;
 
 /// Longest step of rapier, s; longer ones are split, into [`MAX_SUBSTEPS`] at most.
 pub const RIGID_STEP: f64 = 1.0 / 120.0;
+/// Shorter steps are none, s: in rapier's f32 they may be zero, after which it may panic.
+const LEAST_STEP: f64 = 1e-6;
 /// Bodies of this size and more are moved in steps of [`RIGID_STEP`], smaller ones in shorter steps, metres.
 const SMALL: f64 = 0.03;
 /// Most substeps: beyond them the rigid world runs slower than the clock.
 pub const MAX_SUBSTEPS: usize = 16;
 /// Standard gravity, m/s^2.
 pub const GRAVITY: f64 = 9.81;
+/// The world ends this many of its lengths from the origin, and no driven body is larger: rapier counts in f32 and may panic far beyond.
+const FARTHEST: f64 = 1e4;
 /// A loose body moves no faster than this many lengths of the world in a second.
 const FASTEST: f64 = 100.0;
 
@@ -86,6 +90,12 @@ impl RigidWorld {
         Self { world, bodies: BTreeMap::new(), next: 0, up, length, table: None, loose: 0, felt, felt_loose, stirred }
     }
 
+    /// A pose that a driven body may have: what is farther away than the world reaches stands at its edge. `None` for none at all.
+    pub fn within(&self, pose: RigidPose) -> Option<RigidPose> {
+        let far = |x: f64| x.clamp(-FARTHEST * self.length, FARTHEST * self.length);
+        pose.checked().map(|pose| RigidPose { translation: pose.translation.map(far), ..pose })
+    }
+
     fn insert(&mut self, body: Body) -> BodyId {
         // loose bodies may come to lie on it
         self.stirred = true;
@@ -111,7 +121,7 @@ impl RigidWorld {
 
     /// Adds an instrument or a hand that goes where [`RigidWorld::drive`] says. `None` if shape or pose make no sense.
     pub fn add_driven(&mut self, shape: RigidShape, pose: RigidPose) -> Option<BodyId> {
-        let (shape, pose) = (shape.checked()?, pose.checked()?);
+        let (shape, pose) = (shape.checked().filter(|s| s.reach() <= FARTHEST * self.length)?, self.within(pose)?);
         let shared = match shape {
             RigidShape::Sphere { radius } => SharedShape::ball(radius as f32),
             RigidShape::Capsule { half_length, radius } => SharedShape::capsule_y(half_length as f32, radius as f32),
@@ -227,7 +237,8 @@ impl RigidWorld {
 
     /// Tells a driven body where to be at the end of the next step. Nonsense is refused.
     pub fn drive(&mut self, id: BodyId, pose: RigidPose) {
-        if let (Some(body), Some(pose)) = (self.bodies.get_mut(&id), pose.checked()) {
+        let pose = self.within(pose);
+        if let (Some(body), Some(pose)) = (self.bodies.get_mut(&id), pose) {
             body.next = Some(pose);
         }
     }
@@ -339,9 +350,9 @@ impl RigidWorld {
     }
 
     /// Moves everything by `h` seconds: driven bodies to where they are wanted, loose ones by rapier, with the forces that soft
-    /// layers have put on them since the last step.
+    /// layers have put on them since the last step. A step of less than a microsecond is none.
     pub fn step(&mut self, h: f64) {
-        if !(h > 0.0 && h.is_finite()) {
+        if !(h >= LEAST_STEP && h.is_finite()) {
             return;
         }
         for body in self.bodies.values_mut() {

@@ -140,3 +140,25 @@ fn scraps_lie_on_the_table_and_in_no_pieces_way() {
     assert!(world.is_resting() && y(piece).abs() < 2e-3, "{}", y(piece));
     assert!((y(scrap) + 0.097).abs() < 2e-3 && (y(larger) - 0.105).abs() < 2e-3, "{} {}", y(scrap), y(larger));
 }
+
+#[test]
+fn a_driven_body_is_no_larger_than_the_world_and_stays_in_it() {
+    let mut world = RigidWorld::new(DVec3::Y, 0.3);
+    world.set_table(Some(-0.1));
+    world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
+    for (half_length, radius) in [(1e30, 0.01), (0.01, 1e30), (f64::MAX, 1.0), (0.01, f64::NAN)] {
+        assert!(world.add_driven(RigidShape::Capsule { half_length, radius }, RigidPose::IDENTITY).is_none());
+    }
+    let ball = world.add_driven(RigidShape::Sphere { radius: 0.05 }, RigidPose::at(DVec3::X * 1e300)).unwrap();
+    assert_eq!(world.pose(ball).unwrap().translation, DVec3::X * 3000.0);
+    let before = world.pose(ball);
+    world.drive(ball, RigidPose::IDENTITY);
+    [0.0, 1e-300, 1e-9, -1.0, f64::NAN, f64::INFINITY].into_iter().for_each(|h| world.step(h));
+    assert_eq!(world.pose(ball), before, "such steps are none");
+    for far in [DVec3::splat(-1e38), DVec3::ZERO, DVec3::Y * f64::MAX] {
+        world.drive(ball, RigidPose::at(far));
+        (0..3).for_each(|_| world.step(1.0 / 90.0));
+        let at = world.pose(ball).unwrap();
+        assert_eq!(Some(at), world.within(RigidPose::at(far)), "a pose that is reached is one that can be asked for");
+    }
+}

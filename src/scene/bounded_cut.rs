@@ -12,6 +12,9 @@ impl Scene {
     /// Cuts every tissue along the part of `plane` inside the polygon `corners` (both model space). What it severs becomes a
     /// tissue of its own; else the wound ends inside the tissue and there is one piece. With `closed`, a cut right through gets caps.
     pub(super) fn cut_bounded(&mut self, plane: &Plane, corners: &[DVec3], closed: bool) -> EditReport {
+        if !plane.is_sound() || corners.iter().any(|p| !p.is_finite()) {
+            return self.missed_cut();
+        }
         let mut report = EditReport { kind: "cut", max_plane_distance: Some(0.0), ..EditReport::default() };
         let mut unit = Unit::default();
         let mut sides = Vec::new();

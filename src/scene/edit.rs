@@ -25,7 +25,7 @@ pub enum EditCommand {
     StrokePose(BladePose),
     /// The scalpel is lifted: the stroke is one unit of undo.
     StrokeEnd,
-    /// Cuts everything along a plane.
+    /// Cuts everything along a plane. One that is none ([`Plane::is_sound`]) cuts nothing.
     Cut(Plane),
     /// Cuts everything along a plane into closed pieces: each closed loop of the cut gets a cap on both sides.
     CutClosed(Plane),
@@ -194,6 +194,9 @@ impl Scene {
 
     /// Cuts every tissue along `plane` (model space); with `closed`, pieces get caps.
     fn cut(&mut self, plane: &Plane, closed: bool) -> EditReport {
+        if !plane.is_sound() {
+            return self.missed_cut();
+        }
         let mut report = EditReport { kind: "cut", max_plane_distance: Some(0.0), ..EditReport::default() };
         let mut unit = Unit::default();
         let mut sides = Vec::new();

@@ -253,8 +253,8 @@ impl Scene {
     /// Puts a rigid body into the scene, or moves it: over the next step it goes from where it is to `pose` (model space) and
     /// takes along what is in its way. Another shape under the same id is a new body. Nonsense is ignored.
     pub(super) fn place_collider(&mut self, id: u32, shape: RigidShape, pose: RigidPose) {
-        let Some(pose) = pose.checked() else { return };
         let rigid = &mut self.rigid;
+        let Some(pose) = rigid.world.within(pose) else { return };
         if let Some(known) = rigid.colliders.get_mut(&id)
             && known.shape == shape
         {

@@ -413,8 +413,12 @@ impl Tissue {
         &self.rest
     }
 
-    /// Sets the clock and the pose: `animation` at `animation_time_s` (looped by the caller).
+    /// Sets the clock and the pose: `animation` at `animation_time_s` (looped by the caller). Times that are not finite change nothing:
+    /// what fades in would be nowhere.
     pub fn set_pose(&mut self, time_s: f64, animation: Option<usize>, animation_time_s: f64) {
+        if !(time_s.is_finite() && animation_time_s.is_finite()) {
+            return;
+        }
         self.time_s = time_s;
         if animation.is_none() && self.animation.is_none() && self.versions.pose > 1 {
             return; // a resting pose is set once

@@ -45,7 +45,7 @@ fn absences(service: &Service) -> [Absence; 4] {
     let absence = |what, variable, sentence| Absence { what, variable, sentence };
     [
         absence("loader", loader, "no OpenXR loader was found (INCISE_OPENXR_LOADER=/no/such"),
-        absence("runtime", runtime, "no OpenXR runtime is set up"),
+        absence("runtime", runtime, "no OpenXR runtime is set up (XR_RUNTIME_JSON=/no/such/runtime.json names none)"),
         absence("service", None, "service does not answer"),
         absence("headset", headset, "Bare Runtime runs, but sees no headset"),
     ]

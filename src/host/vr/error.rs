@@ -12,12 +12,12 @@ pub enum VrUnavailable {
          comes with the headset's software), or build with `--features static-loader`, which has it built in"
     )]
     NoLoader(String),
-    /// The loader found no runtime.
+    /// The loader found no runtime; where it looked, if it was told.
     #[error(
-        "an OpenXR loader is there, but no OpenXR runtime is set up. Start the headset's software (SteamVR, Oculus, WiVRn, \
+        "an OpenXR loader is there, but no OpenXR runtime is set up{0}. Start the headset's software (SteamVR, Oculus, WiVRn, \
          Monado) and make it the active OpenXR runtime; XR_RUNTIME_JSON can name one too"
     )]
-    NoRuntime,
+    NoRuntime(String),
     /// The runtime is installed but does not answer.
     #[error(
         "the OpenXR runtime is installed, but its service does not answer ({0}). Start it (SteamVR, the Oculus service, \
@@ -115,7 +115,7 @@ mod tests {
     fn every_absence_has_a_sentence_of_its_own_that_says_what_to_do() {
         let all = [
             VrUnavailable::NoLoader("x".into()),
-            VrUnavailable::NoRuntime,
+            VrUnavailable::NoRuntime(" (XR_RUNTIME_JSON=x names none)".into()),
             VrUnavailable::NoService("x".into()),
             VrUnavailable::NoHeadset { runtime: "x".into() },
             VrUnavailable::NoVulkan,

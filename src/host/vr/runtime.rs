@@ -58,7 +58,11 @@ impl Runtime {
 /// What the first calls of a runtime that is not there answer.
 fn absence(answer: Answer) -> VrError {
     match answer {
-        Answer::ERROR_RUNTIME_UNAVAILABLE => VrUnavailable::NoRuntime.into(),
+        Answer::ERROR_RUNTIME_UNAVAILABLE => {
+            let named = std::env::var_os("XR_RUNTIME_JSON").filter(|file| !file.is_empty());
+            let told = named.map(|file| format!(" (XR_RUNTIME_JSON={} names none)", file.display()));
+            VrUnavailable::NoRuntime(told.unwrap_or_default()).into()
+        }
         Answer::ERROR_RUNTIME_FAILURE | Answer::ERROR_INITIALIZATION_FAILED | Answer::ERROR_INSTANCE_LOST => {
             VrUnavailable::NoService(answer.to_string()).into()
         }
