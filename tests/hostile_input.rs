@@ -145,8 +145,10 @@ fn cut(normal: DVec3) -> Step {
 fn a_clock_that_stops_telling_the_time_moves_nothing() {
     let pose = |base: DVec3| Step::Edit(EditCommand::StrokePose(BladePose { t: 0.0, tip: DVec3::ZERO, base }));
     let stroke = [Step::Edit(EditCommand::StrokeBegin { width: 0.0 }), pose(0.28 * DVec3::Z), pose(-0.28 * DVec3::Y)];
-    let clock = [time(0.0, 0.028), time(f64::NAN, 0.0), Step::Edit(EditCommand::StrokeEnd)];
-    run(2, &[&stroke[..], &clock[..]].concat()).unwrap();
+    for nonsense in [f64::NAN, f64::INFINITY, -1e300, 1e30, -1e9] {
+        let clock = [time(0.0, 0.028), time(nonsense, 0.02), cut(DVec3::Z)];
+        run(2, &[&stroke[..], &clock[..]].concat()).unwrap();
+    }
 }
 
 /// Rapier panics over what is far too large for its f32, and after a step that is zero in it.

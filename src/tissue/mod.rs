@@ -193,6 +193,8 @@ struct TissueScratch {
 const EDIT_ROOM: usize = 1024;
 /// A wound this near to its full opening, as a fraction of the diagonal, has opened.
 const OPENED: f64 = 1e-7;
+/// Latest time on the clock, s: fades begin in f32, as the GPU has them, where a second is told from the next up to here.
+const LATEST_S: f64 = 16_777_216.0;
 
 /// The network of a map.
 fn topology(map: &ParticleMap) -> NetworkTopology {
@@ -413,10 +415,10 @@ impl Tissue {
         &self.rest
     }
 
-    /// Sets the clock and the pose: `animation` at `animation_time_s` (looped by the caller). Times that are not finite change nothing:
-    /// what fades in would be nowhere.
+    /// Sets the clock and the pose: `animation` at `animation_time_s` (looped by the caller). Times that are not finite, and a clock
+    /// that half a year would not bring there, change nothing: what fades in would be nowhere.
     pub fn set_pose(&mut self, time_s: f64, animation: Option<usize>, animation_time_s: f64) {
-        if !(time_s.is_finite() && animation_time_s.is_finite()) {
+        if !(time_s.abs() <= LATEST_S && animation_time_s.is_finite()) {
             return;
         }
         self.time_s = time_s;
