@@ -12,6 +12,7 @@ use crate::formats::Model;
 use crate::gpu::{Bounds, Camera, GpuError};
 use crate::host::headless::{HeadlessTarget, run};
 use crate::input::{ActionKind, CameraPose, Script, ScriptPlayer};
+use crate::physics::FARTHEST;
 use crate::scene::{Scene, SceneSettings};
 use crate::surgery::WallMode;
 use crate::surgery::blade_path::LEAST_DISTANCE;
@@ -156,6 +157,17 @@ fn make_scene(model: Model, script: &Script, config: &Config) -> Result<(Scene, 
         check_width(width, diagonal).map_err(|why| in_script(format!("width = {width}: {why}")))?;
         if width == 0.0 && script.tear.wall.unwrap_or(config.tear.wall) == WallMode::Closed {
             return Err(in_script(format!("wall = \"closed\" with width = 0: {NO_WALLS}")));
+        }
+    }
+    for action in &script.actions {
+        if let ActionKind::Poke { radius, .. } | ActionKind::Squeeze { radius, .. } = action.kind
+            && radius > FARTHEST * diagonal
+        {
+            return Err(CliError::Input(format!(
+                "{}, line {}: radius = {radius:e} is more than {FARTHEST} times the model's diagonal, {diagonal:.4e} m",
+                script.origin.display(),
+                action.line
+            )));
         }
     }
     let mut particles = particle_settings(&model, config, &script.particles, script.seed)?;

@@ -36,4 +36,4 @@ pub use rigid::{RigidPose, RigidShape};
 pub use settings::{NetworkSettings, SettingsError};
 pub use step::{ERROR_PER_SECOND, MAX_STEP, SERIES_REACH, SERIES_WORK, StepMethod, StepReport, StepScratch};
 pub use topology::NetworkTopology;
-pub use world::{BodyId, GRAVITY, MAX_SUBSTEPS, RIGID_STEP, RigidWorld};
+pub use world::{BodyId, FARTHEST, GRAVITY, MAX_SUBSTEPS, RIGID_STEP, RigidWorld};

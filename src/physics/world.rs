@@ -29,7 +29,7 @@ pub const MAX_SUBSTEPS: usize = 16;
 /// Standard gravity, m/s^2.
 pub const GRAVITY: f64 = 9.81;
 /// The world ends this many of its lengths from the origin, and no driven body is larger: rapier counts in f32 and may panic far beyond.
-const FARTHEST: f64 = 1e4;
+pub const FARTHEST: f64 = 1e4;
 /// A loose body moves no faster than this many lengths of the world in a second.
 const FASTEST: f64 = 100.0;
 

@@ -78,7 +78,7 @@ pub enum EditCommand {
     PlaceCollider {
         /// Names it until it is removed.
         id: u32,
-        /// Another shape under the same id is a new body.
+        /// Another shape under the same id is a new body. One larger than the world ([`crate::physics::FARTHEST`]) is none.
         shape: RigidShape,
         /// Model space.
         pose: RigidPose,

@@ -204,6 +204,10 @@ fn scripts_that_cannot_be_played() {
         ("model = \"beam\"\n[[action]]\nkind = \"cut\"\nat = 0.0\n", &["line 2", "plane"]),
         ("model = \"beam\"\n[tear]\nwidth = -1\n", &["line 3", "width"]),
         ("model = \"beam\"\nstep = nan\n", &["line 2", "step"]),
+        (
+            "model = \"beam\"\n[[action]]\nkind = \"poke\"\nat = 0\nuntil = 1\nradius = 1e9\npath = [{ t = 0, at = [0,0,0] }]\n",
+            &["line 2", "radius = 1e9", "diagonal"],
+        ),
         ("model = \"beam\"\nframes = 0\n", &["line 2", "frames"]),
         ("model = \"beam\"\nanimation = \"walk\"\n", &["walk", "bend"]),
         ("model = \"nothing.glb\"\n", &["nothing.glb"]),
