@@ -55,8 +55,6 @@ pub struct UpdateScratch {
     untried: Vec<ParticleId>,
     /// Vertices around one.
     ring: Vec<VertexId>,
-    /// Particles within reach of an orphan, with their weights, in `orphans`.
-    pub(super) within: Vec<(f64, ParticleId)>,
     /// Particles whose links are to be found: new and re-anchored ones.
     pub(super) unlinked: Vec<ParticleId>,
     /// Rows that the update rewrote, as they were: vertex and range of `old_entries`.

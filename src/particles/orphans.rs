@@ -30,48 +30,31 @@ impl Update<'_, '_> {
         }
     }
 
-    /// Of the particles within reach that no strip parts from the vertex, the strongest that edges lead to, else none.
+    /// Of the particles within reach that edges lead to and that no strip parts from the vertex, the strongest, if there is one.
     fn nearest_connected(&mut self, v: VertexId) -> Option<ParticleId> {
-        let mut within = std::mem::take(&mut self.scratch.within);
-        within.clear();
-        let near = self.scratch.near.iter();
-        within.extend(near.map(|&j| (self.weight(v, j), j)).filter(|(weight, _)| *weight > 0.0));
-        // often there is none at all, and mostly edges lead to the strongest: so nothing is put in order yet
-        let mut first: Option<(f64, ParticleId)> = None;
-        for &(weight, j) in &within {
-            let is_stronger = first.is_none_or(|(most, k)| weight > most || weight == most && j < k);
+        self.flood_around(v);
+        let mut best: Option<(f64, ParticleId)> = None;
+        for i in 0..self.scratch.near.len() {
+            let j = self.scratch.near[i];
+            if !self.scratch.flood.has_reached(self.map.anchors[j.index()]) {
+                continue;
+            }
+            let weight = self.weight(v, j);
+            let is_stronger = weight > 0.0 && best.is_none_or(|(most, k)| weight > most || weight == most && j < k);
             if is_stronger && self.connects(j, v) {
-                first = Some((weight, j));
+                best = Some((weight, j));
             }
         }
-        let mut found = first.map(|f| f.1);
-        if let Some(first) = found
-            && !self.flood_to(v, self.map.anchors[first.index()])
-        {
-            within.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-            found = within.iter().map(|w| w.1).find(|&j| self.has_reached(j) && self.connects(j, v));
-        }
-        self.scratch.within = within;
-        found
+        best.map(|b| b.1)
     }
 
-    /// True if edges lead from one vertex to another through the vertices nearby; if none do, the flood has reached all of those that
-    /// it may.
-    fn flood_to(&mut self, v: VertexId, to: VertexId) -> bool {
+    /// Floods over edges from a vertex to those nearby.
+    fn flood_around(&mut self, v: VertexId) {
         let Self { mesh, rest, settings, .. } = *self;
-        let (p, reach) = (rest[v.index()], 2.0 * settings.radius);
-        let (mut is_found, mut visited) = (to == v, 0);
+        let (p, reach, mut visited) = (rest[v.index()], 2.0 * settings.radius, 0);
         self.scratch.flood.run(mesh, &[v], |w| {
-            let is_reached = !is_found && visited < ORPHAN_FLOOD && is_within(rest[w.index()], p - reach, p + reach);
-            is_found |= w == to;
             visited += 1;
-            is_reached
+            visited <= ORPHAN_FLOOD && is_within(rest[w.index()], p - reach, p + reach)
         });
-        is_found
-    }
-
-    /// True if the last flood has reached a particle's anchor.
-    fn has_reached(&self, j: ParticleId) -> bool {
-        self.scratch.flood.has_reached(self.map.anchors[j.index()])
     }
 }

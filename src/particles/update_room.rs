@@ -24,7 +24,6 @@ impl UpdateScratch {
         self.tried.reserve(all);
         self.untried.reserve(EDIT_ROOM);
         self.ring.reserve(EDIT_ROOM);
-        self.within.reserve(EDIT_ROOM);
         self.unlinked.reserve(EDIT_ROOM);
         self.old_rows.reserve(EDIT_ROOM);
         self.old_entries.reserve(4 * EDIT_ROOM);
