@@ -89,11 +89,15 @@ const ASKED: usize = 8;
 
 impl Default for AskedFirst {
     fn default() -> Self {
-        Self { of: VertexId::NONE, strips: Vec::with_capacity(ASKED) }
+        Self { of: VertexId::NONE, strips: Vec::new() }
     }
 }
 
 impl AskedFirst {
+    pub(super) fn make_room(&mut self) {
+        self.strips.reserve(ASKED);
+    }
+
     /// Forgets all: strips have come or gone since.
     pub(super) fn clear(&mut self) {
         self.of = VertexId::NONE;

@@ -25,6 +25,7 @@ impl UpdateScratch {
         self.untried.reserve(EDIT_ROOM);
         self.ring.reserve(EDIT_ROOM);
         self.unlinked.reserve(EDIT_ROOM);
+        self.asked.make_room();
         self.old_rows.reserve(EDIT_ROOM);
         self.old_entries.reserve(4 * EDIT_ROOM);
         self.common.reserve(EDIT_ROOM);
