@@ -104,6 +104,20 @@ fn undo_takes_strips_lips_and_the_tree_back() {
 }
 
 #[test]
+fn pieces_share_what_is_derived_until_one_is_torn() {
+    let mut whole = Strips::default();
+    whole.push(quad(0.0, 1.0), 0.1, 0).unwrap();
+    let derived = whole.derived_copy();
+    let mut pieces = [0, 1].map(|v| whole.extract(&[VertexId(v)], &derived));
+    assert!(Arc::ptr_eq(&pieces[0].derived, &pieces[1].derived) && !Arc::ptr_eq(&whole.derived, &derived));
+    pieces[0].push(quad(1.0, 2.0), 0.1, 0).unwrap();
+    assert_eq!((pieces[0].len(), pieces[1].len(), whole.len()), (2, 1, 1));
+    pieces.iter().chain([&whole]).for_each(|strips| strips.validate().unwrap());
+    assert!(!pieces[0].connects(DVec3::new(1.5, -0.1, -0.5), DVec3::new(1.5, 0.1, -0.5)));
+    assert!(pieces[1].connects(DVec3::new(1.5, -0.1, -0.5), DVec3::new(1.5, 0.1, -0.5)));
+}
+
+#[test]
 fn bad_strips_are_refused_and_bad_states_found() {
     let mut strips = Strips::default();
     let mut bad = quad(0.0, 1.0);

@@ -28,6 +28,29 @@ fn a_hull_falls_onto_the_table_and_sleeps() {
     assert!(world.pose(loose).unwrap().translation.y < -2.0);
 }
 
+/// What a soft layer feels is kept beside the bodies, as they come, change and go.
+#[test]
+fn a_soft_layer_is_told_what_it_feels() {
+    let mut world = RigidWorld::new(DVec3::Y, 0.3);
+    let told = |world: &RigidWorld, own| world.touching(own).map(|(id, _)| id).collect::<Vec<_>>();
+    world.set_table(Some(-0.5));
+    let piece = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
+    assert!(world.is_empty() && told(&world, None).is_empty() && told(&world, Some(piece)).is_empty());
+    let sphere = RigidShape::Sphere { radius: 0.1 };
+    let first = world.add_driven(sphere, RigidPose::at(DVec3::X)).unwrap();
+    let ball = world.add_ball(0.1, 1.0, RigidPose::at(DVec3::Z)).unwrap();
+    let second = world.add_driven(sphere, RigidPose::at(2.0 * DVec3::X)).unwrap();
+    assert!(!world.is_empty());
+    assert_eq!(told(&world, None), [first, ball, second]);
+    assert_eq!(told(&world, Some(piece)), [first, second], "loose bodies meet as rigid ones");
+    world.pass_stands(piece);
+    assert_eq!(told(&world, None), [piece, first, ball, second]);
+    [first, ball, first].into_iter().for_each(|id| world.remove(id));
+    assert_eq!((told(&world, None), told(&world, Some(piece))), (vec![piece, second], vec![second]));
+    [piece, second].into_iter().for_each(|id| world.remove(id));
+    assert!(world.is_empty() && told(&world, None).is_empty());
+}
+
 /// Rapier's contacts give way by so many metres under a body's weight, whatever its size; here by so much of it.
 #[test]
 fn small_pieces_lie_on_the_table_as_large_ones_do() {
