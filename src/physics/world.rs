@@ -393,8 +393,9 @@ impl RigidWorld {
         }
         let table = self.table.and_then(|id| self.bodies.get(&id)).map(|b| b.now.translation.dot(self.up));
         for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
-            // rapier takes every body that it hands out for writing as changed
-            let sleeps = |r: &RigidBody| r.is_sleeping() && from_rapier(r.position()) == body.now;
+            // rapier takes every body that it hands out for writing as changed; what was pushed has forces to be taken back
+            let pushed = body.push.stiffness > 0.0;
+            let sleeps = |r: &RigidBody| !pushed && r.is_sleeping() && from_rapier(r.position()) == body.now;
             if body.handle.and_then(|handle| self.world.bodies.get(handle)).is_some_and(sleeps) {
                 continue;
             }

@@ -2,6 +2,7 @@
 
 use super::{GRAVITY, RigidPose, RigidShape, RigidWorld};
 use glam::{DQuat, DVec3};
+use std::f64::consts::TAU;
 
 fn corners() -> Vec<DVec3> {
     (0..8).map(|k| DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2 & 1)) * 0.2 - 0.1).collect()
@@ -49,6 +50,31 @@ fn a_soft_layer_is_told_what_it_feels() {
     assert_eq!((told(&world, None), told(&world, Some(piece))), (vec![piece, second], vec![second]));
     [piece, second].into_iter().for_each(|id| world.remove(id));
     assert!(world.is_empty() && told(&world, None).is_empty());
+}
+
+/// What a hand or the tissue puts on a body that sleeps is of one step: while others move it must not gather in rapier.
+#[test]
+fn a_held_body_that_sleeps_is_not_flung_when_it_wakes() {
+    let mut world = RigidWorld::new(DVec3::Y, 0.3);
+    world.set_table(Some(-0.5));
+    let piece = world.add_hull(&corners(), 0.5, RigidPose::IDENTITY).unwrap();
+    (0..600).for_each(|_| world.step(1.0 / 60.0));
+    assert!(world.is_resting());
+    let at = world.pose(piece).unwrap().translation;
+    let ball = world.add_ball(0.05, 0.1, RigidPose::at(DVec3::new(3.0, 0.0, 0.0))).unwrap();
+    for frame in 0..120 {
+        // a tenth of what would lift it, always the same: no reason to wake
+        world.carry(piece, at, 0.1 * GRAVITY / (TAU * 8.0).powi(2) * DVec3::Y, 1.0);
+        world.set_velocity(ball, DVec3::X * if frame % 2 == 0 { 0.5 } else { -0.5 });
+        world.step(1.0 / 60.0);
+    }
+    let mut highest = at.y;
+    for _ in 0..30 {
+        // nothing holds it any more, which wakes it
+        world.step(1.0 / 60.0);
+        highest = highest.max(world.pose(piece).unwrap().translation.y);
+    }
+    assert!(highest < at.y + 1e-3, "{highest} above {}", at.y);
 }
 
 /// Rapier's contacts give way by so many metres under a body's weight, whatever its size; here by so much of it.
