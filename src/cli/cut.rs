@@ -125,9 +125,6 @@ impl Cut {
     }
 }
 
-/// No model reaches as far, and products with it are finite.
-const FARTHEST: f64 = 1e150;
-
 /// Parses `nx,ny,nz,d`.
 fn parse_plane(text: &str) -> Result<Plane, CliError> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse::<f64>()).collect();
@@ -145,7 +142,7 @@ fn parse_plane(text: &str) -> Result<Plane, CliError> {
     let exponent = -(normal.abs().max_element().log2().floor() as i32);
     // in two steps: no power of two brings the smallest numbers up in one
     let [a, b] = [exponent / 2, exponent - exponent / 2].map(|e| 2f64.powi(e));
-    Ok(Plane::Equation { normal: normal * a * b, offset: (d * a * b).clamp(-FARTHEST, FARTHEST) })
+    Ok(Plane::Equation { normal: normal * a * b, offset: (d * a * b).clamp(-Plane::FARTHEST, Plane::FARTHEST) })
 }
 
 /// Parses the corners of a bounded cut and drops them onto the plane.

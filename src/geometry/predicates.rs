@@ -22,12 +22,13 @@ pub enum Plane {
     },
 }
 
-/// Largest number of a plane's equation: its square is finite.
-const FARTHEST: f64 = 1e150;
 /// Largest coordinate of a plane's points: its third power is finite.
 const FARTHEST_POINT: f64 = 1e100;
 
 impl Plane {
+    /// Largest number of a plane's equation: no model reaches as far, and products with it are finite.
+    pub const FARTHEST: f64 = 1e150;
+
     /// Value of the plane at `p`: its sign is exact for the plane as given, its size is rounded and scales with the
     /// plane's representation. Zero exactly on the plane.
     #[inline]
@@ -78,7 +79,7 @@ impl Plane {
         match *self {
             Plane::Points(points) => points.iter().all(|&p| within(p, FARTHEST_POINT)) && self.normal() != DVec3::ZERO,
             Plane::Equation { normal, offset } => {
-                within(normal, FARTHEST) && offset.abs() <= FARTHEST && normal.normalize_or_zero() != DVec3::ZERO
+                within(normal, Self::FARTHEST) && offset.abs() <= Self::FARTHEST && normal.normalize_or_zero() != DVec3::ZERO
             }
         }
     }

@@ -10,7 +10,7 @@ use glam::DVec3;
 use std::cell::Cell;
 
 /// Fans that a flood walks round before it looks at what they led to: memory answers many questions as fast as one.
-pub(super) const AHEAD: usize = 8;
+const AHEAD: usize = 8;
 
 /// A vertex, and a half-edge that leaves it in the face that it was found in.
 type Found = (VertexId, HalfEdge);

@@ -5,7 +5,7 @@ use super::lists::Lists;
 use super::particle_map::ParticleMap;
 use super::settings::ParticleSettings;
 use super::sight::Sight;
-use super::strip_test::{KnownSide, LinkEnd, LipView, StripGeometry};
+use super::strip_test::{KnownSide, LipView, StripGeometry};
 use super::strips::{LipSide, Strips};
 use crate::geometry::room::{fit, with_headroom};
 use crate::geometry::{ParticleId, VertexId};
@@ -80,8 +80,9 @@ impl Parting {
 #[derive(Clone, Debug)]
 pub(super) struct AskedFirst {
     of: VertexId,
-    /// With the vertex as the end of a link, and how it lies to the strip where it knows its side.
-    strips: Vec<(u32, LinkEnd, Option<LipView>)>,
+    strips: Vec<u32>,
+    /// Of an anchor and of the vertex.
+    views: [LipViews; 2],
 }
 
 /// As many as are kept.
@@ -89,13 +90,14 @@ const ASKED: usize = 8;
 
 impl Default for AskedFirst {
     fn default() -> Self {
-        Self { of: VertexId::NONE, strips: Vec::new() }
+        Self { of: VertexId::NONE, strips: Vec::new(), views: Default::default() }
     }
 }
 
 impl AskedFirst {
     pub(super) fn make_room(&mut self) {
         self.strips.reserve(ASKED);
+        self.views.iter_mut().for_each(|v| v.views.reserve(2 * ASKED));
     }
 
     /// Forgets all: strips have come or gone since.
@@ -106,33 +108,24 @@ impl AskedFirst {
     /// True if one of the strips that are known of `v` parts it from an anchor; it is asked first then.
     fn parts(&mut self, strips: &Strips, rest: &[DVec3], anchor: VertexId, v: VertexId) -> bool {
         if self.of != v {
-            return false;
+            self.of = v;
+            self.strips.clear();
+            self.views[1].views.clear();
         }
-        let crosses = |(k, end, view): &(u32, LinkEnd, Option<LipView>)| {
-            let k = *k as usize;
-            let ends = [*end, strips.link_end(k, rest, anchor)];
-            strips.geometry(k).crosses_viewed(ends, |end, known| match view {
-                Some(view) if end == 0 => *view,
-                _ => strips.lip_view(k, rest, [v, anchor][end], known),
-            })
-        };
-        self.strips.iter().position(crosses).is_some_and(|at| {
+        let [from, to] = &mut self.views;
+        from.views.clear();
+        let is_lip = !strips.lip_sides(anchor).is_empty();
+        let mut link = LinkUnderTest { strips, rest, anchor, v, is_lip, views: [from, to] };
+        self.strips.iter().position(|&k| link.crosses(k)).is_some_and(|at| {
             self.strips[..=at].rotate_right(1);
             true
         })
     }
 
-    fn note(&mut self, (strips, rest): (&Strips, &[DVec3]), v: VertexId, parted: Option<u32>) {
-        if self.of != v {
-            self.of = v;
-            self.strips.clear();
-        }
-        if let Some(k) = parted {
-            let end = strips.link_end(k as usize, rest, v);
-            let view = end.side.map(|known| strips.lip_view(k as usize, rest, v, known));
-            self.strips.truncate(ASKED - 1);
-            self.strips.insert(0, (k, end, view));
-        }
+    /// Notes a strip that parted the vertex that was asked about last.
+    fn note(&mut self, k: u32) {
+        self.strips.truncate(ASKED - 1);
+        self.strips.insert(0, k);
     }
 }
 
@@ -465,7 +458,7 @@ impl LinkTests {
         }
         let mut parted = None;
         self.each_near(all, j, &[v], |_, by| parted = by);
-        asked.note((strips, rest), v, parted);
+        parted.into_iter().for_each(|k| asked.note(k));
         parted.is_none()
     }
 

@@ -210,7 +210,7 @@ impl Strips {
     /// True if the segment between two rest positions crosses no strip.
     pub fn connects(&self, a: DVec3, b: DVec3) -> bool {
         let query = aabb(a.min(b), a.max(b));
-        !self.derived.bvh.intersect_aabb(&query).any(|k| self.derived.geometry[k as usize].crosses(a, b))
+        !self.derived.bvh.intersect_aabb(&query).any(|k| self.geometry(k as usize).crosses(a, b))
     }
 
     /// [`Strips::connects`] for two vertices: lip vertices are tested by their known side.
@@ -239,7 +239,7 @@ impl Strips {
     pub fn crosses(&self, k: usize, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
         let ends = [a, b];
         let view = |end: usize, known| self.lip_view(k, rest, ends[end], known);
-        self.derived.geometry[k].crosses_viewed(ends.map(|end| self.link_end(k, rest, end)), view)
+        self.geometry(k).crosses_viewed(ends.map(|end| self.link_end(k, rest, end)), view)
     }
 
     /// A vertex as the end of a link that may cross strip `k`.
@@ -250,19 +250,19 @@ impl Strips {
     /// How a vertex that knows its side of strip `k` lies to it.
     pub(super) fn lip_view(&self, k: usize, rest: &[DVec3], v: VertexId, known: KnownSide) -> LipView {
         let at = rest[v.index()];
-        self.derived.geometry[k].view_of_lip(at, known, self.telling_lip(k, v).and_then(|lip| self.beside(k, lip, at)))
+        self.geometry(k).view_of_lip(at, known, self.telling_lip(k, v).and_then(|lip| self.beside(k, lip, at)))
     }
 
     /// Where a vertex at `at` that knows its side of strip `k` by `lip`, of a neighbour of it, is on its side of that one, if it lies
     /// beyond it.
     fn beside(&self, k: usize, lip: &LipSide, at: DVec3) -> Option<DVec3> {
         let by = lip.strip as usize;
-        if by == k { None } else { self.derived.geometry[by].on_side(at, lip.side as i8) }
+        if by == k { None } else { self.geometry(by).on_side(at, lip.side as i8) }
     }
 
     /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.
     pub(super) fn code_of(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
-        let code = self.derived.geometry[k].outcode(rest[v.index()]);
+        let code = self.geometry(k).outcode(rest[v.index()]);
         let stands_against =
             |lip: &LipSide| !StripGeometry::is_on_side(code, lip.side as i8) || self.beside(k, lip, rest[v.index()]).is_some();
         if self.telling_lip(k, v).is_some_and(stands_against) { 0 } else { code }
