@@ -22,7 +22,7 @@ pub struct FrameCounters {
     pub faces_visited: u64,
     /// Particles that the solver moved.
     pub particles_awake: u64,
-    /// Particle steps taken back since the start because they were not finite: such states are never drawn.
+    /// Particle steps taken back since the start because they were not finite or beyond all bounds: such states are never drawn.
     pub quarantined: u64,
     /// Heap allocations between the frame's start and the hand-over to the target.
     pub allocations: u64,

@@ -169,6 +169,39 @@ fn a_piece_falls_beside_an_endless_shaft_and_after_a_step_of_no_length() {
     run(2, &[&falls[..], &back[..], &[time(0.0, 0.015)]].concat()).unwrap();
 }
 
+/// What a collider moves in nearly no time would go on at its way over that, and everything that is worked out from it be no number.
+#[test]
+fn tissue_inside_a_huge_collider_stays_within_bounds_after_a_step_of_no_length() {
+    let shape = RigidShape::Sphere { radius: 1e4 };
+    let place = EditCommand::PlaceCollider { id: 0, shape, pose: RigidPose::at(DVec3::splat(0.02)) };
+    let moves = [time(0.0, 0.01), Step::Edit(place), time(0.0, 1e-300), time(0.0, 0.02), time(0.0, 1e-6), time(0.0, 0.02)];
+    run(1, &[&moves[..], &[cut(DVec3::Y), time(0.0, 0.02), cut(DVec3::X)]].concat()).unwrap();
+}
+
+/// Distances from a plane whose points are far away are worth nothing; the cut goes by exact values.
+#[test]
+fn a_plane_given_by_points_far_away_cuts_where_it_is() {
+    for name in ["sphere", "heart"] {
+        let volumes = |plane: Plane| {
+            let (mut scene, _) = scene(name, 500);
+            let report = scene.edit(EditCommand::CutClosed(plane)).pop().unwrap();
+            assert_eq!(report.outcome, Outcome::Cut);
+            let sides: Vec<(i8, f64)> = report.pieces.iter().map(|p| (p.side, p.volume)).collect();
+            assert_eq!(scene.validate(), Ok(()));
+            sides
+        };
+        let near = volumes(Plane::Equation { normal: DVec3::Z, offset: 0.003 });
+        for far in [1e6, 1e12, 1e30, 1e70] {
+            let corners = [DVec3::new(far, far, 0.003), DVec3::new(-far, far, 0.003), DVec3::new(0.0, -far, 0.003)];
+            let cut = volumes(Plane::Points(corners));
+            assert_eq!(cut.len(), near.len());
+            for (a, b) in cut.iter().zip(&near) {
+                assert!(a.0 == b.0 && (a.1 - b.1).abs() <= 1e-9 * near[0].1.abs(), "{name} {far}: {cut:?}, not {near:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn what_is_no_plane_cuts_nothing() {
     for normal in [DVec3::ZERO, DVec3::NAN, DVec3::X * f64::INFINITY, DVec3::Y * 1e200] {

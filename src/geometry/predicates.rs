@@ -22,8 +22,8 @@ pub enum Plane {
     },
 }
 
-/// Largest coordinate of a plane's points: its third power is finite.
-const FARTHEST_POINT: f64 = 1e100;
+/// Largest coordinate of a plane's points: its fourth power is finite, which the length of their normal takes.
+const FARTHEST_POINT: f64 = 1e75;
 
 impl Plane {
     /// Largest number of a plane's equation: no model reaches as far, and products with it are finite.
@@ -90,6 +90,19 @@ impl Plane {
             Plane::Points([a, ..]) => self.normal().dot(p - a),
             Plane::Equation { normal, offset } => (normal.dot(p) - offset) / normal.length(),
         }
+    }
+
+    /// By how much [`Plane::distance`] may be off at points within `reach` of the origin, metres: much where the plane's own points
+    /// are far away, or nearly in a line.
+    pub fn rounding(&self, reach: f64) -> f64 {
+        let (away, spread) = match *self {
+            Plane::Points([a, b, c]) => {
+                let (u, v) = (b - a, c - a);
+                (a.length(), u.length() * v.length() / u.cross(v).length())
+            }
+            Plane::Equation { normal, offset } => (offset.abs() / normal.length(), 1.0),
+        };
+        16.0 * f64::EPSILON * (1.0 + spread) * (away + reach)
     }
 }
 
@@ -283,6 +296,25 @@ mod tests {
     }
 
     proptest! {
+        /// Near or far, well spread or nearly in a line: who is farther off than the rounding is on the side that the distance says.
+        #[test]
+        fn a_distance_over_its_rounding_has_the_side_of_the_exact_value(
+            points in prop::array::uniform3(prop::array::uniform3(-1.0f64..1.0)), p in prop::array::uniform3(-1.0f64..1.0),
+            far in 0.0f64..40.0, thin in 0.0f64..16.0, equation in any::<bool>(),
+        ) {
+            let [a, b, c] = points.map(DVec3::from_array);
+            let (p, size) = (DVec3::from_array(p), 10f64.powf(far));
+            let c = a + (b - a) * c.x + (c - a) * 10f64.powf(-thin);
+            let plane = if equation {
+                Plane::Equation { normal: a, offset: size * b.x }
+            } else {
+                Plane::Points([a, b, c].map(|q| q * size))
+            };
+            let (distance, value) = (plane.distance(p), plane.value(p));
+            if distance.abs() > plane.rounding(p.length()) {
+                prop_assert_eq!(distance > 0.0, value > 0.0, "{} of {:?} {}", distance, plane, value);
+            }
+        }
         #[test]
         fn determinants_agree_with_integers(m in prop::array::uniform9(-40i64..40)) {
             let f = m.map(|x| x as f64);

@@ -483,7 +483,7 @@ fn odd_steps_do_nothing_or_are_shortened() {
     random_state(&mut network, 0.1, false, 1);
     let before = network.displacements().to_vec();
     let mut scratch = StepScratch::default();
-    for h in [0.0, -1.0, f64::NAN] {
+    for h in [0.0, -1.0, 1e-300, f64::NAN] {
         assert_eq!(network.step(h, &mut scratch).method, StepMethod::Asleep);
         assert_eq!(network.displacements(), &before[..]);
     }

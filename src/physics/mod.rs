@@ -34,6 +34,6 @@ pub use contact::{Contacts, Skin};
 pub use network::{INPUT_LIMIT, Network, REST_THRESHOLD};
 pub use rigid::{RigidPose, RigidShape};
 pub use settings::{NetworkSettings, SettingsError};
-pub use step::{ERROR_PER_SECOND, MAX_STEP, SERIES_REACH, SERIES_WORK, StepMethod, StepReport, StepScratch};
+pub use step::{ERROR_PER_SECOND, LEAST_STEP, MAX_STEP, SERIES_REACH, SERIES_WORK, StepMethod, StepReport, StepScratch};
 pub use topology::NetworkTopology;
 pub use world::{BodyId, FARTHEST, GRAVITY, MAX_SUBSTEPS, RIGID_STEP, RigidWorld};

@@ -391,7 +391,7 @@ impl Network {
         self.activity.awake.iter().map(|row| ParticleId(self.order[*row as usize]))
     }
 
-    /// Steps taken back because they were not finite.
+    /// Steps taken back because they were not finite or beyond [`INPUT_LIMIT`].
     pub fn quarantined(&self) -> u64 {
         self.quarantined
     }

@@ -2,17 +2,19 @@
 //!
 //! Rule of the method: lone particles by the closed form; linked ones by the Chebyshev series up to a step of
 //! `h omega_max` = [`SERIES_REACH`], and beyond it as long as the series costs at most [`SERIES_WORK`]; else the implicit
-//! step. Steps over [`MAX_STEP`] are shortened to it; a step that is not positive does nothing.
+//! step. Steps over [`MAX_STEP`] are shortened to it; one under [`LEAST_STEP`], or that is no number, does nothing.
 
 use super::implicit::{self, ImplicitInput, ImplicitScratch};
 use super::matrix::{Lanes, Pair, add_scaled, fused, fused_blend, minus};
-use super::network::{Network, REST_THRESHOLD, unpadded};
+use super::network::{INPUT_LIMIT, Network, REST_THRESHOLD, unpadded};
 use super::propagator::Propagator;
 use super::series::{Series, SeriesKey};
 use std::ops::Range;
 
 /// Longest step, s.
 pub const MAX_STEP: f64 = 1.0;
+/// Shorter steps are none, s: whoever is moved by a collider or a hand would leave it at its way over nearly nothing.
+pub const LEAST_STEP: f64 = 1e-6;
 /// `h omega_max` up to which the series is always used. MATHS 4.2 says about 15; measured, the implicit step needs as long
 /// as a series of degree 100 (200 particles and 20,000 alike) and is not accurate there, so the series goes on to its cost.
 pub const SERIES_REACH: f64 = 200.0;
@@ -41,7 +43,7 @@ pub enum StepMethod {
     Chebyshev,
     /// The implicit step.
     Implicit,
-    /// The result was not finite: the state is the last good one.
+    /// The result was not finite, or beyond [`INPUT_LIMIT`]: the state is the last good one.
     Quarantined,
 }
 
@@ -99,7 +101,7 @@ impl StepScratch {
 impl Network {
     /// Moves the network by `h` seconds. Never fails: see [`StepReport`]. No allocation once `scratch` has grown.
     pub fn step(&mut self, h: f64, scratch: &mut StepScratch) -> StepReport {
-        let forward = h > 0.0;
+        let forward = h >= LEAST_STEP;
         if !forward || self.activity.asleep() {
             return self.rest_report(h);
         }
@@ -113,7 +115,7 @@ impl Network {
         let iterations =
             pulp::Arch::new().dispatch(Propagation { network: self, h, ramped, method: report.method, sweep, scratch });
         report.degree = report.degree.max(iterations);
-        if self.finite(scratch) {
+        if self.is_sound(scratch) {
             self.commit(h, ramped, scratch);
         } else {
             self.quarantine();
@@ -123,10 +125,11 @@ impl Network {
     }
 
     fn rest_report(&mut self, h: f64) -> StepReport {
-        if h > 0.0 {
+        let forward = h >= LEAST_STEP;
+        if forward {
             self.settle();
         }
-        StepReport { step: if h > 0.0 { h.min(MAX_STEP) } else { 0.0 }, ..Default::default() }
+        StepReport { step: if forward { h.min(MAX_STEP) } else { 0.0 }, ..Default::default() }
     }
 
     /// Chooses the method and fits the series; the fit is kept while step, spectrum and damping stay the same.
@@ -347,11 +350,12 @@ impl Network {
         }
     }
 
-    fn finite(&self, scratch: &StepScratch) -> bool {
-        // NaN and infinity survive a sum of absolute values.
+    /// False for a state that is no number, or so far off that what is worked out from it would be none.
+    fn is_sound(&self, scratch: &StepScratch) -> bool {
+        // NaN and infinity survive a sum of absolute values, and no comparison.
         let size = |p: &Pair| p.first.iter().chain(&p.second).map(|x| x.abs()).sum::<f64>();
         let sum: f64 = self.moving_rows().map(|row| size(&scratch.newest[row])).sum();
-        sum.is_finite()
+        sum <= INPUT_LIMIT
     }
 
     /// Takes the new state over and notes who is still restless.
@@ -414,7 +418,7 @@ impl Network {
         self.quarantined += 1;
         self.quarantined_in_a_row += 1;
         if self.quarantined_in_a_row == 1 {
-            tracing::warn!(count = self.quarantined, "a particle step was not finite; kept the last good state");
+            tracing::warn!(count = self.quarantined, "a particle step left all bounds; kept the last good state");
         }
         let reset = self.quarantined_in_a_row > 1;
         for row in self.moved.drain(..).map(|row| row as usize) {
@@ -514,7 +518,7 @@ mod tests {
             network.set_state(ParticleId(p), place(), place());
         }
         let mut scratch = StepScratch::default();
-        network.step(1e-9, &mut scratch); // all are awake
+        network.step(LEAST_STEP, &mut scratch); // all are awake
         let chosen = network.sweep();
         assert!(chosen.passes > 1 && chosen.width < 1000, "{chosen:?}");
         let report = network.plan(0.3, &mut scratch);

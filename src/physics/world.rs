@@ -7,6 +7,7 @@
 use super::body::{Body, DAMPING, Push};
 use super::network::Network;
 use super::rigid::{RigidPose, RigidShape, Solid};
+use super::step::LEAST_STEP;
 use crate::geometry::ParticleId;
 use glam::{DQuat, DVec3, Vec3};
 use rapier3d::dynamics::{IntegrationParameters, RigidBody, RigidBodyBuilder, RigidBodyHandle};
@@ -20,8 +21,6 @@ use std::collections::BTreeMap;
 
 /// Longest step of rapier, s; longer ones are split, into [`MAX_SUBSTEPS`] at most.
 pub const RIGID_STEP: f64 = 1.0 / 120.0;
-/// Shorter steps are none, s: in rapier's f32 they may be zero, after which it may panic.
-const LEAST_STEP: f64 = 1e-6;
 /// Bodies of this size and more are moved in steps of [`RIGID_STEP`], smaller ones in shorter steps, metres.
 const SMALL: f64 = 0.03;
 /// Most substeps: beyond them the rigid world runs slower than the clock.
@@ -352,6 +351,7 @@ impl RigidWorld {
     /// Moves everything by `h` seconds: driven bodies to where they are wanted, loose ones by rapier, with the forces that soft
     /// layers have put on them since the last step. A step of less than a microsecond is none.
     pub fn step(&mut self, h: f64) {
+        // in rapier's f32 a shorter one may be zero, after which it may panic
         if !(h >= LEAST_STEP && h.is_finite()) {
             return;
         }

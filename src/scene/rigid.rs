@@ -2,7 +2,7 @@
 
 use super::{Scene, TissueId};
 use crate::geometry::VertexId;
-use crate::physics::{BodyId, RigidPose, RigidShape, RigidWorld};
+use crate::physics::{BodyId, LEAST_STEP, MAX_STEP, RigidPose, RigidShape, RigidWorld};
 use crate::tissue::Tissue;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -274,10 +274,10 @@ impl Scene {
         }
     }
 
-    /// Advances rigid bodies and soft layers by `step_s` seconds. A step that is not above 0 does nothing; one over a second
+    /// Advances rigid bodies and soft layers by `step_s` seconds. A step of less than a microsecond does nothing; one over a second
     /// counts as a second; while rigid bodies touch or fall, long steps are made in parts.
     pub fn step(&mut self, step_s: f64) {
-        let h = if step_s > 0.0 { step_s.min(crate::physics::MAX_STEP) } else { 0.0 };
+        let h = if step_s >= LEAST_STEP { step_s.min(MAX_STEP) } else { 0.0 };
         let parts = self.rigid.parts(h);
         self.rigid.sync_hulls(&self.tissues);
         for part in 0..parts {

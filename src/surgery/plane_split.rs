@@ -83,7 +83,8 @@ impl FaceSplitter<'_> {
                 return at;
             }
             let back = self.mesh.opposite(HalfEdge::of(face, usize::from(entry)));
-            if back.is_none() {
+            debug_assert!(back.is_none() || self.waits(back.face()), "the plane crosses faces that were left out");
+            if back.is_none() || !self.waits(back.face()) {
                 return at;
             }
             at = self.place(back.face());

@@ -275,8 +275,10 @@ impl TearScratch {
         tags: &[OnPlanes],
     ) {
         let slack = CLEARLY * (body.max - body.min).length();
+        let reach = body.min.abs().max(body.max.abs()).length();
+        let level = |plane: &Plane| slack + plane.rounding(reach) - plane.distance(DVec3::ZERO);
         let beyond: SmallVec<[(DVec3, f64); MAX_PLANES]> =
-            body.planes.iter().map(|plane| (plane.normal(), slack - plane.distance(DVec3::ZERO))).collect();
+            body.planes.iter().map(|plane| (plane.normal(), level(plane))).collect();
         let spared = |f: &FaceId| walls.is_some_and(|w| w.remove.binary_search(f).is_ok() || w.keep.binary_search(f).is_ok());
         for &face in candidates {
             if spared(&face) {

@@ -68,11 +68,11 @@ impl BoxPlanes {
         }
     }
 
-    /// Outward normals of the planes, and their distances from the origin, rounded. Places without a plane keep nothing apart.
+    /// Outward normals of the planes, and how far the origin is beyond them at least. Places without a plane keep nothing apart.
     pub(super) fn outward(&self) -> [(DVec3, f64); MAX_PLANES] {
         let mut outward = [(DVec3::ZERO, 0.0); MAX_PLANES];
         for (known, plane) in outward.iter_mut().zip(&self.planes) {
-            *known = (plane.normal(), plane.distance(DVec3::ZERO));
+            *known = (plane.normal(), plane.distance(DVec3::ZERO) - plane.rounding(0.0));
         }
         outward
     }

@@ -149,9 +149,9 @@ impl Tissue {
             [false, true] if near.is_empty() => return -1,
             _ => {}
         }
-        let distances = self.mesh.live_vertices().map(|v| plane.distance(self.position(v)));
-        let farthest = distances.fold(0.0f64, |m, d| if d.abs() > m.abs() { d } else { m });
-        if farthest < 0.0 { -1 } else { 1 }
+        let away = |p: &DVec3| plane.distance(*p).abs();
+        let farthest = self.mesh.live_vertices().map(|v| self.position(v)).max_by(|a, b| away(a).total_cmp(&away(b)));
+        if farthest.is_some_and(|p| plane.value(p) < 0.0) { -1 } else { 1 }
     }
 
     /// Checks every structure from scratch.

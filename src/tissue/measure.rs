@@ -267,16 +267,17 @@ impl Tissue {
 
     /// The side of `plane` (tissue space) that a part lies on, +1 or -1: by a vertex well off it, or the farthest there is.
     pub fn side_of_part(&self, part: &Part, plane: &Plane) -> i8 {
-        let mut farthest = 0.0f64;
+        let (mut farthest, mut value) = (0.0f64, 0.0);
         for v in part.all_faces(&self.mesh).flat_map(|f| self.mesh.face(f)) {
-            let distance = plane.distance(self.position(v));
-            if distance.abs() > farthest.abs() {
-                farthest = distance;
+            let at = self.position(v);
+            let distance = plane.distance(at).abs();
+            if distance > farthest {
+                (farthest, value) = (distance, plane.value(at));
             }
-            if farthest.abs() > 1e-3 * self.diagonal {
+            if farthest > 1e-3 * self.diagonal && value != 0.0 {
                 break;
             }
         }
-        if farthest < 0.0 { -1 } else { 1 }
+        if value < 0.0 { -1 } else { 1 }
     }
 }

@@ -44,11 +44,14 @@ impl Tissue {
         let widen = self.widening();
         let normal = plane.normal();
         let (size, level) = (normal.abs(), plane.distance(DVec3::ZERO));
+        // what is left out must be beyond the plane by exact values, too
+        let (rounding, a_metre) = (plane.rounding(0.0), plane.rounding(1.0) - plane.rounding(0.0));
         // the side that all of some sections lie on
         let side = |sections: Range<usize>, (low, high): (DVec3, DVec3)| {
             let turned = self.turn_reach(sections);
             let (low, high) = (low - widen.1 - turned, high + widen.0 + turned);
-            let (middle, reach) = (normal.dot((low + high) / 2.0) + level, size.dot((high - low) / 2.0));
+            let doubt = rounding + a_metre * low.abs().max(high.abs()).max_element();
+            let (middle, reach) = (normal.dot((low + high) / 2.0) + level, size.dot((high - low) / 2.0) + doubt);
             if middle > reach { Some(0) } else { (middle < -reach).then_some(1) }
         };
         let faces = |s: usize| self.mesh.section_faces(SectionId::new(s));
