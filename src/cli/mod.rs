@@ -125,7 +125,8 @@ pub fn main(allocations: fn() -> u64) -> u8 {
 /// The file that was named, else `config.toml` in the current folder, else the defaults.
 fn load_config(named: Option<&Path>) -> Result<Config, CliError> {
     let here = Path::new("config.toml");
-    match named.or_else(|| here.is_file().then_some(here)) {
+    // whatever is there: a folder or a link to nowhere is told of and not passed over
+    match named.or_else(|| here.symlink_metadata().is_ok().then_some(here)) {
         Some(path) => Config::load(path).map_err(CliError::input),
         None => Ok(Config::default()),
     }

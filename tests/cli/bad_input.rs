@@ -192,3 +192,16 @@ fn places_that_cannot_be_written_fail_the_run() {
         place.fails("headless sphere --size 8x8 --out file", 1, &["cannot", "file"]);
     }
 }
+
+#[test]
+fn settings_that_are_no_file() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("config.toml")).unwrap();
+    place.refused("inspect beam", &["config.toml"]);
+    #[cfg(unix)]
+    {
+        let place = Place::new();
+        std::os::unix::fs::symlink("nowhere", place.path("config.toml")).unwrap();
+        place.refused("inspect beam", &["config.toml"]);
+    }
+}

@@ -12,6 +12,12 @@ pub enum VrUnavailable {
          comes with the headset's software), or build with `--features static-loader`, which has it built in"
     )]
     NoLoader(String),
+    /// The file that was to be the loader is none.
+    #[error(
+        "no OpenXR loader was found ({0}). INCISE_OPENXR_LOADER is to name the library itself, such as libopenxr_loader.so.1 or \
+         openxr_loader.dll; start without it to take the system's"
+    )]
+    NamedNoLoader(String),
     /// The loader found no runtime; where it looked, if it was told.
     #[error(
         "an OpenXR loader is there, but no OpenXR runtime is set up{0}. Start the headset's software (SteamVR, Oculus, WiVRn, \
@@ -115,6 +121,7 @@ mod tests {
     fn every_absence_has_a_sentence_of_its_own_that_says_what_to_do() {
         let all = [
             VrUnavailable::NoLoader("x".into()),
+            VrUnavailable::NamedNoLoader("x".into()),
             VrUnavailable::NoRuntime(" (XR_RUNTIME_JSON=x names none)".into()),
             VrUnavailable::NoService("x".into()),
             VrUnavailable::NoHeadset { runtime: "x".into() },
@@ -122,7 +129,7 @@ mod tests {
         ];
         let texts: std::collections::BTreeSet<String> = all.iter().map(ToString::to_string).collect();
         assert_eq!(texts.len(), all.len());
-        let advice = ["nstall", "tart", "onnect", "pdate"];
+        let advice = ["nstall", "tart", "onnect", "pdate", "without it"];
         assert!(texts.iter().all(|t| advice.iter().any(|a| t.contains(a))), "{texts:?}");
     }
 }

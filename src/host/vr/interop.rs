@@ -3,7 +3,7 @@
 
 #![allow(unsafe_code)]
 
-use super::error::{Named, VrError};
+use super::error::{Named, VrError, VrUnavailable};
 use crate::gpu::GpuError;
 use crate::gpu::context::{Context, required_limits, wanted_features};
 use ash::vk::{self, Handle};
@@ -22,18 +22,18 @@ const QUEUE_FAMILY: u32 = 0;
 const LOADER_VARIABLE: &str = "INCISE_OPENXR_LOADER";
 
 /// The OpenXR loader: the file that INCISE_OPENXR_LOADER names, else the built-in one, else the system's.
-pub fn load_entry() -> Result<xr::Entry, String> {
+pub fn load_entry() -> Result<xr::Entry, VrUnavailable> {
     if let Some(file) = std::env::var_os(LOADER_VARIABLE) {
-        let said = |e| format!("{LOADER_VARIABLE}={}: {e}", file.to_string_lossy());
+        let said = |e| VrUnavailable::NamedNoLoader(format!("{LOADER_VARIABLE}={}: {e}", file.to_string_lossy()));
         // SAFETY: the user says that this file is an OpenXR loader.
         return unsafe { xr::Entry::load_from(file.as_ref(), &()) }.map_err(said);
     }
     #[cfg(feature = "static-loader")]
-    return xr::Entry::linked(&()).map_err(|e| e.to_string());
+    return xr::Entry::linked(&()).map_err(|e| VrUnavailable::NoLoader(e.to_string()));
     // SAFETY: a library of this name is the OpenXR loader, as the specification defines it; there is no other way to get at a
     // runtime, and nothing to check it by.
     #[cfg(not(feature = "static-loader"))]
-    return unsafe { xr::Entry::load(&()) }.map_err(|e| e.to_string());
+    return unsafe { xr::Entry::load(&()) }.map_err(|e| VrUnavailable::NoLoader(e.to_string()));
 }
 
 /// A device that the runtime made, as wgpu knows it and as the runtime does.

@@ -22,7 +22,7 @@ pub struct Runtime {
 impl Runtime {
     /// Finds the loader, the runtime, its service and a headset.
     pub fn start() -> Result<Self, VrError> {
-        let entry = interop::load_entry().map_err(VrUnavailable::NoLoader)?;
+        let entry = interop::load_entry()?;
         let offered = entry.enumerate_extensions().map_err(absence)?;
         if !offered.khr_vulkan_enable2 {
             return Err(VrUnavailable::NoVulkan.into());
