@@ -235,3 +235,38 @@ fn a_cone_cut_out_of_a_beating_heart_stays_bounded() {
     assert!(after > before + 200 && after < before + 5000, "{before} -> {after}");
     assert!(scene.tissues().all(|(_, t)| border_loops(t.mesh()) == 0));
 }
+
+/// Length of the lips, where skin meets walls, at rest, metres.
+fn lips(scene: &Scene) -> f64 {
+    let (mesh, rows) = (only(scene).mesh(), only(scene).rows());
+    let is_wall = |h: HalfEdge| mesh.face_info(h.face()).is_interior();
+    let edges = mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
+    let lips = edges.filter(|&h| !is_wall(h) && mesh.opposite(h).is_some() && is_wall(mesh.opposite(h)));
+    lips.map(|h| rows.rest(mesh.from(h)).distance(rows.rest(mesh.to(h)))).sum()
+}
+
+/// A box that follows the lips of the one before it back along its own way leaves them where the path turns: it cut a film off the outer
+/// lip, as long as half the box.
+#[test]
+fn a_stroke_that_turns_while_its_wound_opens_cuts_no_film() {
+    let corners = [[-0.03, 0.02, 0.02], [-0.015, 0.0, 0.02], [0.0, -0.01, 0.02], [0.03, 0.0, 0.02]].map(DVec3::from_array);
+    let torn = |opens: bool| {
+        let mut scene = heart();
+        scene.set_wall(WallMode::Closed);
+        scene.edit(EditCommand::StrokeBegin { width: 0.0005 });
+        for k in 0..=90u32 {
+            let at = f64::from(k) / 30.0;
+            let leg = (at as usize).min(2);
+            let tip = corners[leg].lerp(corners[leg + 1], at - leg as f64);
+            scene.edit(EditCommand::StrokePose(BladePose { t: f64::from(k) * STEP, tip, base: tip + 0.13 * DVec3::Z }));
+            if opens {
+                settle(&mut scene, k, 1);
+            }
+        }
+        scene.edit(EditCommand::StrokeEnd);
+        assert_eq!(scene.validate(), Ok(()));
+        lips(&scene)
+    };
+    let (still, opening) = (torn(false), torn(true));
+    assert!((opening / still - 1.0).abs() < 0.01, "{opening} m of lips, not {still}");
+}

@@ -20,6 +20,10 @@ pub(super) struct BoxPlanes {
     pub(super) facets: Facets,
 }
 
+/// How far across the lips before it a box that is drawn back may reach, in widths, on the inner side of a turn and on the outer.
+const INNER_REACH: f64 = 0.9;
+const OUTER_REACH: f64 = 0.1;
+
 /// Bits of quad edges in tags that wait for the next box.
 type EdgeBits = u16;
 
@@ -90,18 +94,31 @@ impl BoxPlanes {
     }
 
     /// Draws the start plane back by half the box. Where the tissue moves, the end of the slit does not stay in a plane, and
-    /// skin behind the joint would be left as a strand across the slit; between the lips there is nothing else to reach.
+    /// skin behind the joint would be left as a strand across the slit; between the lips there is nothing else to reach. Where the path
+    /// turns, the box would leave those lips, and cut a film off the outer one: it goes back as far as to the outer lip on its inner
+    /// side, and hardly beyond on the other.
     pub(super) fn reach_back(&mut self, tear_box: &TearBox) {
-        let [[tip, top], [next_tip, next_top]] = tear_box.blades;
-        let by = ((tip + top) - (next_tip + next_top)) / 4.0;
+        let [start, end] = &tear_box.quads;
+        let way = (0..4).map(|k| end[k] - start[k]).sum::<DVec3>() / 4.0;
+        let (along, half) = (way.normalize_or_zero(), way.length() / 2.0);
+        // from the minus side to the plus; the outer side of a turn lies farther back
+        let across = (start[1] + start[2] - start[0] - start[3]) / 2.0;
+        let lag = across.dot(along);
+        let width = across.reject_from(along).length();
+        let turn = 2.0 * lag.abs() * width / across.length_squared();
+        let most = |widths: f64| if turn * half > widths * width { widths * width / turn } else { half };
+        let plus_is_outer = lag < 0.0;
+        let by = [most(INNER_REACH), most(OUTER_REACH)];
+        let moved = |k: usize, corner: DVec3| {
+            let is_plus = k == 1 || k == 2;
+            let edge = (end[k] - start[k]).normalize_or_zero();
+            corner - edge * (by[usize::from(is_plus == plus_is_outer)] / edge.dot(along).max(0.1))
+        };
         if let Plane::Points(points) = &mut self.planes[0] {
-            *points = points.map(|p| p + by);
+            *points = points.map(|p| start.iter().position(|q| *q == p).map_or(p, |k| moved(k, p)));
         }
         for k in 0..4 {
-            let [a, b] = [k, k + 4].map(|c| self.facets.corners[c]);
-            let along = (b - a).normalize_or_zero();
-            let share = along.dot(by.normalize_or_zero()).abs().max(0.1);
-            self.facets.corners[k] = a - along * (by.length() / share);
+            self.facets.corners[k] = moved(k, self.facets.corners[k]);
         }
         self.start = 0;
     }
