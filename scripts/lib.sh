@@ -56,13 +56,16 @@ has_compiler() { command -v cc >/dev/null 2>&1; }
 # Where the system looks for Vulkan. Only Linux: elsewhere wgpu has Metal or Direct3D.
 wants_vulkan() { [ "$(uname -s)" = Linux ]; }
 
-has_vulkan_loader() {
-    local cache file
+has_vulkan_loader() { has_library libvulkan.so.1; }
+
+# has_library FILE: whether programs find a shared library of this name.
+has_library() {
+    local cache folder
     cache=$(PATH="$PATH:/usr/sbin:/sbin" ldconfig -p 2>/dev/null || true)
-    case $cache in *libvulkan.so.1*) return 0 ;; esac
+    case $cache in *"$1"*) return 0 ;; esac
     local IFS=:
-    for file in ${LD_LIBRARY_PATH:-}; do
-        [ -e "$file/libvulkan.so.1" ] && return 0
+    for folder in ${LD_LIBRARY_PATH:-}; do
+        [ -e "$folder/$1" ] && return 0
     done
     return 1
 }
@@ -130,6 +133,16 @@ need_system() {
         say "Install them with: sudo apt-get install $missing"
     fi
     return 1
+}
+
+# The library that leads to a headset's runtime, installed where it may be; only Linux: elsewhere runtimes bring it. Where it cannot be,
+# the program says so itself.
+want_openxr_loader() {
+    if [ "$(uname -s)" != Linux ] || [ -n "${INCISE_OPENXR_LOADER:-}" ] || has_library libopenxr_loader.so.1; then return; fi
+    if can_install; then
+        say "Installing libopenxr-loader1."
+        install libopenxr-loader1 || say "The installation failed."
+    fi
 }
 
 # Khronos' validation layer, installed where it may be. Returns 1, with a sentence, if it is not there.
