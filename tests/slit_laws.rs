@@ -358,8 +358,7 @@ proptest! {
         let opened: usize = report.segments.iter().map(|s| s.opened_edges).sum();
         prop_assert!(opened > 0 || report.outcome == Outcome::Missed);
         prop_assert!(open(&after) >= open(&before) + 2 * opened || report.area_removed > 0.0);
-        let slits = scene.last_tear_slits();
-        let leaves: Vec<Leaf> = slits.iter().flat_map(|s| Leaf::of_slit(&s.carried(|q| q - tissue_offset(&scene)), 0.0)).collect();
+        let (slits, leaves) = (scene.last_tear_slits().len(), last_leaves(&scene));
         let on_slit = |p: DVec3| leaves.iter().any(|l| l.plane.distance(p).abs() < 1e-9 && beyond(l, p) < 1e-9);
         for solid in &after {
             // where the tip grazes the skin two strips end beside each other, and are joined over it: from strip to strip, and not far
@@ -367,12 +366,12 @@ proptest! {
             let middle = |[a, b]: [VertexId; 2]| (solid.at(a) + solid.at(b)) / 2.0;
             let joins: Vec<[VertexId; 2]> = solid.open_half_edges().into_iter().map(ends).filter(|e| !on_slit(middle(*e))).collect();
             let way: f64 = joins.iter().map(|[a, b]| solid.at(*a).distance(solid.at(*b))).sum();
-            prop_assert!(way <= 0.04 * 2.0 * half.length() * slits.len() as f64, "{} m of borders away from the strips", way);
+            prop_assert!(way <= 0.04 * 2.0 * half.length() * slits as f64, "{} m of borders away from the strips", way);
             for v in joins.iter().flatten() {
                 let goes_on = joins.iter().filter(|e| e.contains(v)).count() > 1;
                 prop_assert!(goes_on || on_slit(solid.at(*v)), "a border away from the strips: {}", solid.at(*v));
             }
-            let crossed = crossed_edges(solid, &scene);
+            let crossed = crossed_edges(solid, &leaves);
             prop_assert!(crossed == 0, "{} edges cross the strips", crossed);
         }
         scene.edit(EditCommand::Undo);
@@ -390,10 +389,13 @@ fn scene_again(_: &Scene, name: &str, faces: usize) -> Scene {
     again
 }
 
+/// The strips of the last stroke, in tissue space.
+fn last_leaves(scene: &Scene) -> Vec<Leaf> {
+    scene.last_tear_slits().iter().flat_map(|s| Leaf::of_slit(&s.carried(|q| q - tissue_offset(scene)), 0.0)).collect()
+}
+
 /// Edges that still join the two sides of a strip.
-fn crossed_edges(solid: &Solid, scene: &Scene) -> usize {
-    let leaves: Vec<Leaf> =
-        scene.last_tear_slits().iter().flat_map(|s| Leaf::of_slit(&s.carried(|q| q - tissue_offset(scene)), 0.0)).collect();
+fn crossed_edges(solid: &Solid, leaves: &[Leaf]) -> usize {
     let half_edges = solid.mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
     let ends = half_edges.map(|h| [solid.mesh.from(h), solid.mesh.to(h)].map(|v| solid.at(v)));
     ends.filter(|[a, b]| leaves.iter().any(|l| crosses(l, *a, *b, 1e-8))).count()
