@@ -5,6 +5,7 @@
 mod common;
 
 use common::models::scene;
+use common::strokes::HeartStrokes;
 use glam::DVec3;
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
@@ -12,7 +13,6 @@ use incise::gpu::{Camera, Context, ContextOptions, DrawOptions, GpuError};
 use incise::host::mirror::Mirror;
 use incise::input::InputFrame;
 use incise::scene::EditCommand;
-use incise::surgery::{BladePose, WallMode};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use std::alloc::System;
 use std::sync::Arc;
@@ -103,7 +103,6 @@ fn a_steady_grab_allocates_nothing_of_ours() {
 /// in which a stroke begins, goes on or ends, or a hand takes hold of a lip, nor what mirrors it, wgpu's buffers included.
 #[test]
 fn a_tear_of_a_beating_heart_allocates_nothing_of_ours() {
-    const STROKE: u32 = 60;
     let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
     let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
     let mut target = Target { mirror: Mirror::new(context), in_sync: 0, leaky: false };
@@ -112,41 +111,20 @@ fn a_tear_of_a_beating_heart_allocates_nothing_of_ours() {
     scene.set_measuring(false);
     let mut app = App::new(scene, 1.0, allocations);
     let (mut allocated, mut segments) = (Vec::new(), 0);
-    for number in 0..8 * STROKE {
-        let (stroke, k) = (number / STROKE, number % STROKE);
-        let (x, y) = (0.002 * f64::from(k) - 0.05, 0.028 - 0.006 * f64::from(stroke));
-        let (tip, base) = (DVec3::new(x, y, 0.02), DVec3::new(x, y, 0.12));
-        let pose = EditCommand::StrokePose(BladePose { t: f64::from(k) / 90.0, tip, base });
-        let commands = match k {
-            0 => vec![EditCommand::StrokeBegin { width: if stroke % 3 == 2 { 0.0 } else { 0.002 } }, pose],
-            50 => vec![EditCommand::StrokeEnd],
-            // Where the next stroke finds tissue that swings back, ties take exact arithmetic, and boxes that go wrong are taken back: both
-            // allocate, and open strokes have the fewest.
-            _ if k > 50 && stroke % 3 != 2 => Vec::new(),
-            52 => vec![EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, y - 0.01, 0.04), radius: 0.015 }],
-            53..58 => vec![EditCommand::GrabMove { id: 1, by: DVec3::new(0.0, 0.001 * f64::from(k - 52), 0.002) }],
-            58 => vec![EditCommand::GrabEnd { id: 1 }],
-            _ if k < 50 => vec![pose],
-            _ => Vec::new(),
-        };
-        if k == 0 {
-            app.scene.set_wall(if stroke % 3 == 1 { WallMode::Closed } else { WallMode::Open });
-        }
+    for number in 0..HeartStrokes::FRAMES {
+        let input = HeartStrokes::input(&mut app, number);
         let version = |app: &App| app.scene.tissues().map(|(_, t)| t.versions().structure).sum::<u64>();
         let before = version(&app);
-        let input = InputFrame { time_s: f64::from(number) / 90.0, step_s: 1.0 / 90.0, commands, ..InputFrame::default() };
         let report = app.frame(&input, &mut target).expect("a frame");
         segments += u32::from(version(&app) > before);
         let (in_app, edits) = (report.counters.allocations, report.edits.len());
         app.give_back(report);
-        // where assertions are checked, those of an end look at everything in lists of their own; benches/frame.rs runs without
-        let is_told = number >= 90 && !(k == 50 && cfg!(debug_assertions));
-        if is_told && (in_app, target.in_sync) != (0, 0) {
+        if HeartStrokes::is_counted(number) && (in_app, target.in_sync) != (0, 0) {
             allocated.push((number, in_app, target.in_sync, edits));
         }
     }
     assert_eq!(app.scene.tissues().count(), 1, "a piece that comes off makes arrays of its own");
-    assert!(segments > 100 && app.scene.undo_depth() == 8, "{segments} segments");
+    assert!(segments > 100 && app.scene.undo_depth() == HeartStrokes::COUNT, "{segments} segments");
     assert!(
         allocated.is_empty(),
         "frames, what they allocated here and in the mirror, and the edits that they ended: {allocated:?}"

@@ -5,7 +5,7 @@ use super::extract::Extraction;
 use super::fx::FxHashMap;
 use super::ids::{FaceId, HalfEdge, SectionId};
 use super::mesh::{Mesh, MeshDelta};
-use super::room::headroom;
+use super::room::{fit, headroom};
 
 /// Parts that a stroke may take off before it has to find room for one more.
 const SPARE_PARTS: usize = 4;
@@ -132,6 +132,7 @@ impl SectionGraph {
         self.keep(parts);
         before.of_section.reserve(2 * mesh.sections());
         before.of_origin.reserve(mesh.face_slots().min(MOST_LOOSE));
+        self.slots.reserve(headroom(mesh.face_slots()));
         self.loose.reserve(mesh.face_slots());
         self.stack.reserve(mesh.face_slots());
         let nodes = headroom(mesh.sections());
@@ -216,8 +217,8 @@ impl SectionGraph {
         self.search += 1;
         if self.slots.is_empty() {
             self.slots = vec![[0; 2]; mesh.face_slots() + mesh.face_slots() / 4];
-        } else if self.slots.len() < mesh.face_slots() {
-            self.slots.resize(mesh.face_slots() + mesh.face_slots() / 4, [0; 2]);
+        } else {
+            fit(&mut self.slots, mesh.face_slots(), [0; 2]);
         }
         self.loose.clear();
     }

@@ -6,6 +6,28 @@ use crate::geometry::topology::TopologyScratch;
 use crate::geometry::{HalfEdge, NewFace, VertexId};
 use crate::surgery::insert::{NewVertex, WedgeMaker};
 
+/// Scratch of [`Tissue::part_double_edges`].
+#[derive(Debug, Default)]
+pub(super) struct DoubleEdgeScratch {
+    /// The edges of a vertex, with the vertices that they lead to.
+    spokes: Vec<(VertexId, HalfEdge)>,
+    maker: WedgeMaker,
+    topology: TopologyScratch,
+}
+
+/// Edges of a vertex that there is room for at first.
+const SPOKES: usize = 256;
+/// Wedges, and faces, that one edge parted takes.
+const WEDGES: usize = 8;
+
+impl DoubleEdgeScratch {
+    pub(super) fn make_room(&mut self) {
+        self.spokes.reserve(SPOKES);
+        self.maker.make_room(WEDGES);
+        self.topology.make_room(WEDGES);
+    }
+}
+
 impl Tissue {
     /// Parts all but one of the edges that join a vertex of `vertices` to the same other one. Returns the vertices inserted; no
     /// vertex is moved, and no face changes its shape.
@@ -13,17 +35,19 @@ impl Tissue {
         vertices.sort_unstable();
         vertices.dedup();
         let mut made = 0;
-        let mut spokes: Vec<(VertexId, HalfEdge)> = Vec::new();
+        let mut scratch = std::mem::take(&mut self.scratch.double_edges);
         for &v in vertices.iter() {
-            while self.mesh.vertex_is_live(v) && self.part_one_at(v, &mut spokes) {
+            while self.mesh.vertex_is_live(v) && self.part_one_at(v, &mut scratch) {
                 made += 1;
             }
         }
+        self.scratch.double_edges = scratch;
         made
     }
 
     /// Parts one double edge at `v`, whose fan is another then. False if there is none that can be parted.
-    fn part_one_at(&mut self, v: VertexId, spokes: &mut Vec<(VertexId, HalfEdge)>) -> bool {
+    fn part_one_at(&mut self, v: VertexId, scratch: &mut DoubleEdgeScratch) -> bool {
+        let DoubleEdgeScratch { spokes, maker, topology } = scratch;
         spokes.clear();
         spokes.extend(self.mesh.fan(v).map(|h| (self.mesh.to(h), h)));
         spokes.sort_unstable();
@@ -31,7 +55,7 @@ impl Tissue {
             let [first, second] = [pair[0].1, pair[1].1];
             let walls = [second, first].map(|h| self.is_of_walls(h));
             let choice = if walls == [false, true] { [first, second] } else { [second, first] };
-            choice.into_iter().any(|h| self.split_edge(h))
+            choice.into_iter().any(|h| self.split_edge(h, maker, topology))
         })
     }
 
@@ -42,7 +66,7 @@ impl Tissue {
     }
 
     /// Puts a vertex into the middle of an edge. False, with nothing changed, where that would not part anything.
-    fn split_edge(&mut self, h: HalfEdge) -> bool {
+    fn split_edge(&mut self, h: HalfEdge, maker: &mut WedgeMaker, topology: &mut TopologyScratch) -> bool {
         let back = self.mesh.opposite(h);
         if back.is_none() {
             return false;
@@ -54,19 +78,20 @@ impl Tissue {
             return false;
         }
         let middle = self.mesh.add_vertex();
-        let mut maker = WedgeMaker::default();
-        let mut faces = Vec::with_capacity(4);
-        for (h, tip) in [(h, tips[0]), (back, tips[1])] {
+        maker.clear();
+        let faces = [(h, tips[0]), (back, tips[1])].map(|(h, tip)| {
             let (f, k) = (h.face(), h.corner());
             let wedges = self.mesh.face_wedges(f);
             let [from, to, far] = [k, (k + 1) % 3, (k + 2) % 3].map(|k| wedges[k]);
             let at_middle = maker.on_edge(&mut self.mesh, middle, from, to, 0.5);
             let info = self.mesh.face_info(f);
             let [start, end] = [self.mesh.from(h), self.mesh.to(h)];
-            faces.push(NewFace { corners: [start, middle, tip], wedges: [from, at_middle, far], info, side: 0 });
-            faces.push(NewFace { corners: [middle, end, tip], wedges: [at_middle, to, far], info, side: 0 });
-        }
-        self.mesh.replace_faces(&[h.face(), back.face()], &faces, |_| 0, &mut TopologyScratch::default());
+            [
+                NewFace { corners: [start, middle, tip], wedges: [from, at_middle, far], info, side: 0 },
+                NewFace { corners: [middle, end, tip], wedges: [at_middle, to, far], info, side: 0 },
+            ]
+        });
+        self.mesh.replace_faces(&[h.face(), back.face()], faces.as_flattened(), |_| 0, topology);
         let none = (VertexId::NONE, 0.0);
         let new = [NewVertex { vertex: middle, parents: [(u, 0.5), (v, 0.5), none], parent_count: 2, position: (p + q) / 2.0 }];
         self.add_vertices(&new);

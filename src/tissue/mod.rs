@@ -185,6 +185,7 @@ struct TissueScratch {
     all_held: Vec<(ParticleId, DVec3)>,
     turns: rotation::TurnScratch,
     chords: chords::ChordScratch,
+    double_edges: double_edges::DoubleEdgeScratch,
     /// Versions of the pose and of the structure for which all particles are at rest, and told where that is.
     rests: Option<[u64; 2]>,
 }
@@ -524,6 +525,7 @@ impl Tissue {
         self.scratch.new_vertices.reserve(EDIT_ROOM);
         self.scratch.targets.reserve(EDIT_ROOM);
         self.scratch.corners.reserve(EDIT_ROOM);
+        self.scratch.double_edges.make_room();
         if !self.rig.skins.is_empty() {
             self.scratch.chords.make_room(with_headroom(self.rest.len()));
         }

@@ -31,12 +31,14 @@ impl Tissue {
     /// hold its vertices; particles that hold vertices on both sides go on in both. Every vertex stays where it is: what moved
     /// it and no longer does fades out (MATHS 2.2).
     pub fn sever(&mut self, parts: &[Vec<FaceId>]) -> Vec<Box<Tissue>> {
+        if parts.iter().all(Vec::is_empty) {
+            return Vec::new();
+        }
         self.note_edits();
         let mut map = std::mem::take(&mut self.scratch.extraction);
         let mut gone = Vec::new();
         let mut pieces = Vec::with_capacity(parts.len());
-        let strips =
-            self.layer.as_ref().filter(|_| !parts.is_empty()).map(|layer| layer.strips.derived_copy()).unwrap_or_default();
+        let strips = self.layer.as_ref().map(|layer| layer.strips.derived_copy()).unwrap_or_default();
         for faces in parts.iter().filter(|faces| !faces.is_empty()) {
             let piece = self.extract(faces, &mut map, &strips);
             let first = gone.len();
@@ -47,9 +49,7 @@ impl Tissue {
             pieces.push(piece);
         }
         self.scratch.extraction = map;
-        if !pieces.is_empty() {
-            self.forget(&gone);
-        }
+        self.forget(&gone);
         pieces
     }
 

@@ -4,6 +4,7 @@
 pub mod bodies;
 pub mod models;
 pub mod reference;
+pub mod strokes;
 
 use glam::DVec3;
 use incise::geometry::{FaceId, HalfEdge, Mesh, VertexId, Wedge, WedgeId};
