@@ -308,6 +308,14 @@ pub fn make_folder(folder: &Path) -> Result<(), CliError> {
     std::fs::create_dir_all(folder).map_err(|e| CliError::Run(format!("cannot make the folder {}: {e}", folder.display())))
 }
 
+/// Warns of what an earlier run left in `folder`: files by the names of this one's, which are numbered and were `count`, and beyond them.
+pub fn warn_of_leftovers(folder: &Path, name: impl Fn(usize) -> String, count: usize) {
+    let next = folder.join(name(count));
+    if next.exists() {
+        tracing::warn!("{} and those after it are an earlier run's", next.display());
+    }
+}
+
 /// Prints one line on stdout; a closed pipe is no error.
 pub fn print_line(text: &str) {
     let _ = writeln!(std::io::stdout(), "{text}");

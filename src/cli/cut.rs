@@ -2,7 +2,8 @@
 
 use super::CliError;
 use super::common::{
-    Format, ParticleArgs, PoseArgs, load, load_path, make_folder, posed_scene, print_json, print_line, write_file,
+    Format, ParticleArgs, PoseArgs, load, load_path, make_folder, posed_scene, print_json, print_line, warn_of_leftovers,
+    write_file,
 };
 use super::report_json;
 use crate::config::Config;
@@ -64,6 +65,7 @@ impl Cut {
             tracing::warn!("--cap: {} edges of the cut are in no closed loop and stay open", report.caps.unclosed_edges);
         }
         let deviation = self.write_pieces(&scene, &report)?;
+        warn_of_leftovers(&self.out, |i| self.file_name(i), report.pieces.len());
         if self.json {
             let mut value = report_json::edit(&report);
             value["export_deviation"] = serde_json::json!(deviation);
@@ -97,23 +99,31 @@ impl Cut {
         })
     }
 
+    fn file_name(&self, i: usize) -> String {
+        let ending = match self.format {
+            Format::Glb => "glb",
+            Format::Obj => "obj",
+        };
+        format!("{}.{ending}", piece_name(i))
+    }
+
     /// Writes the pieces in the report's order; returns the largest deviation of an exported vertex, as a fraction of the
     /// diagonal of all of them.
     fn write_pieces(&self, scene: &Scene, report: &EditReport) -> Result<f64, CliError> {
         let mut deviation_m = 0.0f64;
         for (i, piece) in report.pieces.iter().enumerate() {
             let Some(tissue) = scene.tissue(piece.tissue) else { continue };
-            let name = format!("piece-{i}");
+            let name = piece_name(i);
             let part = ExportPiece { name: &name, mesh: tissue.mesh(), rows: tissue.rows(), materials: tissue.materials() };
             match self.format {
                 Format::Glb => {
                     let (bytes, exported) = export_glb(tissue.rig(), &[part], tissue.pose()).map_err(CliError::run)?;
                     deviation_m = deviation_m.max(exported.deviation_m);
-                    write_file(&self.out.join(format!("{name}.glb")), &bytes)?;
+                    write_file(&self.out.join(self.file_name(i)), &bytes)?;
                 }
                 Format::Obj => {
                     let text = export_obj(&[part], tissue.offset(), tissue.pose());
-                    write_file(&self.out.join(format!("{name}.obj")), text.as_bytes())?;
+                    write_file(&self.out.join(self.file_name(i)), text.as_bytes())?;
                 }
             }
         }
@@ -123,6 +133,10 @@ impl Cut {
         let (low, high) = scene.bounds();
         Ok(deviation_m / (high - low).length())
     }
+}
+
+fn piece_name(i: usize) -> String {
+    format!("piece-{i}")
 }
 
 /// Parses `nx,ny,nz,d`.

@@ -2,8 +2,8 @@
 
 use super::CliError;
 use super::common::{
-    NO_WALLS, PoseArgs, check_particles, check_width, diagonal, find_animation, live_scene, load, make_folder, particle_settings,
-    print_line, tissue_settings, write_file,
+    NO_WALLS, PoseArgs, check_particles, check_width, diagonal, find_animation, live_scene, load, particle_settings, print_line,
+    tissue_settings, warn_of_leftovers, write_file,
 };
 use super::report_json;
 use crate::app::{App, FrameReport};
@@ -19,7 +19,7 @@ use crate::surgery::blade_path::LEAST_DISTANCE;
 use crate::tissue::Tissue;
 use clap::Args;
 use glam::DVec3;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 
@@ -75,10 +75,12 @@ impl Headless {
         let mut app = App::new(scene, script.speed, allocations);
         let camera = default_camera(&app, &script, size);
         let mut target = HeadlessTarget::new(size, camera).map_err(CliError::run)?;
-        make_folder(&self.out)?;
+        // where the report cannot be written no picture need be drawn
+        self.write_report("")?;
         let default = CameraPose { eye: camera.eye, target: camera.target, up: camera.up, fov_y: camera.fov_y };
         let reports = self.play(&mut app, &mut target, ScriptPlayer::new(script, width, default))?;
-        self.write_report(&app, &target, &reports)?;
+        self.write_report(&format!("{:#}\n", self.report(&app, &target, &reports)?))?;
+        warn_of_leftovers(&self.out, frame_name, reports.len());
         print_line(&format!("{name}: {} frame(s) and report.json in {}", reports.len(), self.out.display()));
         Ok(())
     }
@@ -121,23 +123,26 @@ impl Headless {
             |frame| player.frame(frame),
             |frame, _, target| {
                 bar.inc(1);
-                write_png(&self.out.join(format!("frame-{frame:04}.png")), target.pixels(), size)
+                write_png(&self.out.join(frame_name(frame)), target.pixels(), size)
             },
         )?;
         bar.finish_and_clear();
         Ok(reports)
     }
 
-    fn write_report(&self, app: &App, target: &HeadlessTarget, reports: &[FrameReport]) -> Result<(), CliError> {
-        let report = json!({
+    fn report(&self, app: &App, target: &HeadlessTarget, reports: &[FrameReport]) -> Result<Value, CliError> {
+        Ok(json!({
             "adapter": target.adapter_name(),
             "edit_hash": format!("{:016x}", app.scene.edit_hash()),
             "state_hash": format!("{:016x}", app.scene.state_hash()),
             "edits": report_json::edits(reports.iter()),
             "errors": { "gpu_vs_cpu_max": target.gpu_error(app).map_err(CliError::run)? },
             "frames": reports.iter().map(frame_json).collect::<Vec<_>>(),
-        });
-        write_file(&self.out.join("report.json"), format!("{report:#}\n").as_bytes())
+        }))
+    }
+
+    fn write_report(&self, text: &str) -> Result<(), CliError> {
+        write_file(&self.out.join("report.json"), text.as_bytes())
     }
 }
 
@@ -145,6 +150,10 @@ impl From<GpuError> for CliError {
     fn from(error: GpuError) -> Self {
         CliError::run(error)
     }
+}
+
+fn frame_name(frame: usize) -> String {
+    format!("frame-{frame:04}.png")
 }
 
 /// The scene of a script, and the width of its tears in metres.

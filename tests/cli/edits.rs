@@ -68,6 +68,17 @@ fn cut(place: &Place, model: &str, arguments: &str, ending: &str) -> Value {
 }
 
 #[test]
+fn a_cut_tells_of_the_pieces_that_an_earlier_one_has_left() {
+    let place = Place::new();
+    let cut = |offset: &str| place.run(&format!("cut sphere --plane 0,1,0,{offset} --no-particles --out pieces"));
+    let words = "piece-1.glb and those after it are an earlier run's";
+    assert!(!cut("0").stderr.contains(words));
+    let missed = cut("10");
+    assert!(missed.code == 0 && missed.stderr.contains(words), "{}", missed.stderr);
+    assert_eq!(files_in(&place.path("pieces")), ["piece-0.glb", "piece-1.glb"]);
+}
+
+#[test]
 fn cuts_add_up_and_their_pieces_come_in_order() {
     for (model, arguments, pieces) in [
         ("beam", "--plane 1,0.15,0.1,0.12", 2),

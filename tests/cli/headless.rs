@@ -169,6 +169,21 @@ fn a_model_without_a_script_rests() {
 }
 
 #[test]
+fn a_shorter_run_tells_of_the_pictures_that_a_longer_one_has_left() {
+    let place = Place::new();
+    let run = |frames: usize| place.run(&format!("headless sphere --size 16x12 --frames {frames} --out one"));
+    let words = "frame-0001.png and those after it are an earlier run's";
+    assert!(!run(3).stderr.contains(words));
+    let shorter = run(1);
+    assert!(shorter.code == 0 && shorter.stderr.contains(words), "{}", shorter.stderr);
+    assert_eq!(files_in(&place.path("one")).len(), 4, "and takes nothing away");
+    // what cannot be written is told of before anything is drawn
+    std::fs::create_dir_all(place.path("taken/report.json")).unwrap();
+    place.fails("headless sphere --size 16x12 --out taken", 1, &["cannot write", "report.json"]);
+    assert_eq!(files_in(&place.path("taken")), ["report.json"]);
+}
+
+#[test]
 fn a_script_names_its_model_beside_itself_and_the_command_line_wins() {
     let place = Place::new();
     std::fs::create_dir(place.path("deep")).unwrap();
