@@ -53,8 +53,10 @@ need_component() {
 # The linker that rustc calls.
 has_compiler() { command -v cc >/dev/null 2>&1; }
 
+is_linux() { [ "$(uname -s)" = Linux ]; }
+
 # Where the system looks for Vulkan. Only Linux: elsewhere wgpu has Metal or Direct3D.
-wants_vulkan() { [ "$(uname -s)" = Linux ]; }
+wants_vulkan() { is_linux; }
 
 has_vulkan_loader() { has_library libvulkan.so.1; }
 
@@ -138,7 +140,7 @@ need_system() {
 # The library that leads to a headset's runtime, installed where it may be; only Linux: elsewhere runtimes bring it. Where it cannot be,
 # the program says so itself.
 want_openxr_loader() {
-    if [ "$(uname -s)" != Linux ] || [ -n "${INCISE_OPENXR_LOADER:-}" ] || has_library libopenxr_loader.so.1; then return; fi
+    if ! is_linux || [ -n "${INCISE_OPENXR_LOADER:-}" ] || has_library libopenxr_loader.so.1; then return; fi
     if can_install; then
         say "Installing libopenxr-loader1."
         install libopenxr-loader1 || say "The installation failed."

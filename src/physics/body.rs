@@ -41,7 +41,7 @@ pub(super) struct Body {
     pub(super) mass: f64,
     pub(super) push: Push,
     /// Force that the soft layers put on it before the last step.
-    pub(super) felt: DVec3,
+    pub(super) last_force: DVec3,
     /// True until its first step: what it then overlaps, it was born in.
     pub(super) fresh: bool,
     /// Whether soft layers feel it.
@@ -52,8 +52,8 @@ pub(super) struct Body {
 
 impl Body {
     pub(super) fn new(handle: Option<RigidBodyHandle>, solid: Solid, pose: RigidPose, mass: f64) -> Self {
-        let (push, felt) = (Push::default(), DVec3::ZERO);
-        Self { handle, solid, before: pose, now: pose, next: None, mass, push, felt, fresh: true, soft: true, still_s: 0.0 }
+        let (push, last_force) = (Push::default(), DVec3::ZERO);
+        Self { handle, solid, before: pose, now: pose, next: None, mass, push, last_force, fresh: true, soft: true, still_s: 0.0 }
     }
 
     /// Something stirs it.

@@ -427,8 +427,8 @@ impl RigidWorld {
     /// A body that lies still on the skin or in a hand may sleep: another force wakes it, and so does none.
     fn wake_by_force(&mut self) {
         for body in self.bodies.values_mut().filter(|b| b.mass > 0.0) {
-            let change = (body.push.force - body.felt).length();
-            body.felt = body.push.force;
+            let change = (body.push.force - body.last_force).length();
+            body.last_force = body.push.force;
             if change > 1e-3 * GRAVITY * body.mass {
                 body.rouse(&mut self.world);
             }
