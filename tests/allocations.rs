@@ -4,7 +4,7 @@
 mod common;
 
 use common::models::scene;
-use common::strokes::HeartStrokes;
+use common::strokes::{HeartStrokes, WildStroke};
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
 use incise::input::InputFrame;
@@ -12,14 +12,26 @@ use incise::scene::EditCommand;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use std::alloc::System;
 use std::convert::Infallible;
+use std::sync::Mutex;
 
 #[global_allocator]
 static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+/// The counter is the program's, so one test at a time.
+static ALONE: Mutex<()> = Mutex::new(());
 
 fn allocations() -> u64 {
     let stats = ALLOCATOR.stats();
     (stats.allocations + stats.reallocations) as u64
 }
+
+/// Frames of the first second.
+const FIRST_SECOND: u32 = 90;
+/// Runs of [`no_frame_of_a_wild_stroke_allocates`].
+const SEEDS: u64 = 40;
+
+/// Vertices that a loaded model has room for beyond half as many as it has.
+const ROOM: usize = 4096;
 
 /// Draws nothing.
 struct Nowhere;
@@ -34,6 +46,7 @@ impl FrameTarget for Nowhere {
 
 #[test]
 fn no_frame_of_a_stroke_allocates_neither_its_first_nor_its_last() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
     let (mut scene, animated) = scene("heart", 4_000);
     scene.set_animation(animated.then_some(0));
     scene.set_measuring(false);
@@ -53,4 +66,45 @@ fn no_frame_of_a_stroke_allocates_neither_its_first_nor_its_last() {
     let input = InputFrame { time_s: 6.0, step_s: 1.0 / 90.0, commands: vec![EditCommand::Undo], ..InputFrame::default() };
     let Ok(report) = app.frame(&input, &mut Nowhere);
     assert!(report.counters.allocations > 0, "the control is noticed");
+}
+
+/// Strokes that turn, dive, cross each other and each other's wounds, with walls, without, of any width, in a heart that beats: nothing is
+/// allocated while they go on. Where something comes off at the end the rest of a run is not looked at: pieces make arrays of their
+/// own, and so does what is left of one that crumbs came off; nor where the model has grown by what there was room for.
+#[test]
+#[cfg_attr(debug_assertions, ignore = "where assertions are checked, those of an end allocate")]
+fn no_frame_of_a_wild_stroke_allocates() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    let (mut allocated, mut segments) = (Vec::new(), 0);
+    for seed in 0..SEEDS {
+        let (mut scene, animated) = scene("heart", 4_000);
+        scene.set_animation(animated.then_some(0));
+        scene.set_measuring(false);
+        let mut app = App::new(scene, 1.0, allocations);
+        let slots = |app: &App| app.scene.tissues().map(|(_, t)| t.mesh().vertex_slots()).sum::<usize>();
+        let room = slots(&app) + ROOM;
+        let structure = |app: &App| app.scene.tissues().map(|(_, t)| t.versions().structure).sum::<u64>();
+        let mut number = 0;
+        'run: for stroke in 0..6 {
+            let wild = WildStroke::draw(seed, stroke);
+            app.scene.set_wall(wild.wall);
+            for k in 0..wild.frames() {
+                let before = structure(&app);
+                let Ok(report) = app.frame(&wild.input(number, k), &mut Nowhere);
+                let in_app = report.counters.allocations;
+                app.give_back(report);
+                segments += u32::from(structure(&app) > before);
+                number += 1;
+                if slots(&app) > room || in_app > 0 && k == wild.end() {
+                    break 'run;
+                }
+                if number <= FIRST_SECOND || in_app == 0 {
+                    continue;
+                }
+                allocated.push((seed, stroke, k, in_app));
+            }
+        }
+    }
+    assert!(segments > 1_000, "{segments} segments");
+    assert!(allocated.is_empty(), "run, stroke, frame, and what it allocated: {allocated:?}");
 }

@@ -8,6 +8,9 @@ use super::room::rows_headroom;
 use super::tracked::{Delta, Tracked};
 use bytemuck::{Pod, Zeroable};
 
+/// Notes of entries that there is room for, as many times those of other lists: an edit writes rows as a whole.
+const ENTRIES: usize = 4;
+
 /// Where a row lies in the arena.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
@@ -50,7 +53,7 @@ impl<T> SlotCsrDelta<T> {
     /// [`Delta::make_room`] for rows and entries.
     pub fn make_room(&mut self, edits: usize) {
         self.spans.make_room(edits);
-        self.entries.make_room(4 * edits);
+        self.entries.make_room(ENTRIES * edits);
     }
 
     /// True if nothing changed.
@@ -230,7 +233,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
     pub fn make_room(&mut self) {
         self.spans.make_room();
         self.entries.reserve(rows_headroom(self.entries.len()));
-        self.entries.make_room_for_notes(4);
+        self.entries.make_room_for_notes(ENTRIES);
     }
 
     /// Empties rows, each listed once. Their entries stay in the arena as a hole.

@@ -5,6 +5,7 @@
 //! All arrays are [`Tracked`], so an edit costs and undoes in proportion to what it touches.
 
 use super::ids::{FaceId, HalfEdge, SectionId, VertexId, WedgeId};
+use super::room::headroom;
 use super::tracked::Tracked;
 use bytemuck::{Pod, Zeroable};
 
@@ -71,6 +72,11 @@ crate::tracked_arrays!(Mesh => MeshDelta {
 });
 
 impl Mesh {
+    /// Makes room for the wedges of walls, which share few: three times what [`Mesh::make_room`] makes.
+    pub fn make_room_for_walls(&mut self) {
+        self.wedges.reserve(3 * headroom(self.wedges.len()));
+    }
+
     /// Builds a mesh from `faces` (shape F x 3, indices below `vertices`, no face with a repeated vertex), their wedges
     /// (F x 3) and infos (F). Every face starts in section 0. Half-edges are paired where exactly two faces share an
     /// edge in opposite directions; other shared edges stay open. Vertices whose faces form several fans are *not*

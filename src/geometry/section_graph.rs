@@ -12,7 +12,7 @@ const SPARE_PARTS: usize = 4;
 /// Faces of a part, in sections of several, that there is room for at first.
 const MOST_LOOSE: usize = 1 << 14;
 /// Sections next to one, as many as there is room for at first.
-const NEIGHBOURS: usize = 16;
+const NEIGHBOURS: usize = 32;
 /// In place of the piece of a face that is in none yet.
 const UNSORTED: u32 = u32::MAX;
 

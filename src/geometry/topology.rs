@@ -161,15 +161,20 @@ impl Mesh {
             scratch.edges.extend((0..3).map(|k| HalfEdge::of(id, k)).map(|h| (self.edge_key(h), face.side, h)));
         }
         scratch.edges.sort_unstable();
-        for run in scratch.edges.chunk_by(|a, b| a.0 == b.0) {
+        let TopologyScratch { edges, half_edges, .. } = scratch;
+        for run in edges.chunk_by(|a, b| a.0 == b.0) {
             if let [(.., a), (.., b)] = *run {
                 self.pair(a, b);
                 continue;
             }
+            // those that rise, then those that fall, each as they come
             let up = |h: &HalfEdge| self.from(*h) < self.to(*h);
-            let rising: Vec<HalfEdge> = run.iter().map(|e| e.2).filter(up).collect();
-            let falling: Vec<HalfEdge> = run.iter().map(|e| e.2).filter(|h| !up(h)).collect();
-            for (&a, &b) in rising.iter().zip(&falling) {
+            half_edges.clear();
+            half_edges.extend(run.iter().map(|e| e.2).filter(up));
+            let rising = half_edges.len();
+            half_edges.extend(run.iter().map(|e| e.2).filter(|h| !up(h)));
+            let (rising, falling) = half_edges.split_at(rising);
+            for (&a, &b) in rising.iter().zip(falling) {
                 self.set_opposite(a, b);
                 self.set_opposite(b, a);
             }

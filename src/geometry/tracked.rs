@@ -13,10 +13,10 @@ use std::ops::{Deref, Range};
 const MANY_NOTES: usize = 4096;
 
 /// Notes that a list has room for at first: more than a segment of a tear mostly takes. It is no memory before it is written to.
-const NOTES_ROOM: usize = 1024;
+const NOTES_ROOM: usize = 4096;
 
 /// Entries from before an edit that it cuts off, as many as there is room for at first: faces take the slots that earlier ones have left.
-const CUT_ROOM: usize = 128;
+const CUT_ROOM: usize = 512;
 
 /// A growable array whose changes can be taken back. Reads deref to a slice.
 #[derive(Clone, Debug)]
@@ -199,21 +199,30 @@ impl<T: Copy> Tracked<T> {
     }
 
     /// Goes back by `delta`, which must be the newest that was taken; returns the way forward again.
-    pub fn apply(&mut self, delta: Delta<T>) -> Delta<T> {
+    pub fn apply(&mut self, mut delta: Delta<T>) -> Delta<T> {
+        self.exchange(&mut delta);
+        delta
+    }
+
+    /// [`Tracked::apply`] that leaves the way forward in `delta`.
+    pub fn exchange(&mut self, delta: &mut Delta<T>) {
         debug_assert!(!self.is_dirty(), "a delta applies to a state without open notes");
-        let new_tail = self.data.split_off(delta.restore_from);
-        self.data.extend_from_slice(&delta.tail);
-        let mut writes = Vec::with_capacity(delta.writes.len());
-        for &(index, value) in delta.writes.iter().rev() {
-            if (index as usize) < delta.restore_from {
-                writes.push((index, self.data[index as usize])); // entries behind it travel in the tail
-            }
-            self.data[index as usize] = value;
+        let Delta { writes, tail, restore_from, .. } = delta;
+        let (kept, restored) = (*restore_from, tail.len());
+        tail.extend_from_slice(&self.data[kept..]);
+        self.data.truncate(kept);
+        self.data.extend_from_slice(&tail[..restored]);
+        tail.drain(..restored);
+        for (index, value) in writes.iter_mut().rev() {
+            std::mem::swap(&mut self.data[*index as usize], value);
         }
+        // entries behind it travel in the tail
+        writes.retain(|w| (w.0 as usize) < kept);
+        writes.reverse();
         debug_assert_eq!(self.data.len(), delta.len);
+        (delta.len, delta.new_len) = (delta.new_len, delta.len);
         self.start_len = self.data.len();
         self.base_len = self.start_len;
-        Delta { len: delta.new_len, writes, tail: new_tail, restore_from: delta.restore_from, new_len: self.data.len() }
     }
 }
 
@@ -368,6 +377,11 @@ macro_rules! tracked_arrays {
             /// Goes back by `delta` (the newest taken) and returns the way forward.
             pub fn apply_delta(&mut self, delta: $delta) -> $delta {
                 $delta { $($field: self.$field.apply(delta.$field),)* }
+            }
+
+            /// [`Self::apply_delta`] that leaves the way forward in `delta`.
+            pub fn exchange_delta(&mut self, delta: &mut $delta) {
+                $(self.$field.exchange(&mut delta.$field);)*
             }
 
             /// Makes room in every array for what edits will append.

@@ -4,7 +4,7 @@ use super::{MapUpdateReport, UpdateScratch};
 use crate::geometry::room::with_headroom;
 
 /// Vertices, faces and links of an edit.
-const EDIT_ROOM: usize = 1024;
+const EDIT_ROOM: usize = 4096;
 
 impl UpdateScratch {
     /// Makes room for updates of so many particles on a mesh of so many vertices.
@@ -27,7 +27,7 @@ impl UpdateScratch {
         self.unlinked.reserve(EDIT_ROOM);
         self.asked.make_room();
         self.old_rows.reserve(EDIT_ROOM);
-        self.old_entries.reserve(4 * EDIT_ROOM);
+        self.old_entries.reserve(16 * EDIT_ROOM);
         self.common.reserve(EDIT_ROOM);
         self.candidates.reserve(EDIT_ROOM);
         self.wanted.make_room(all, 16 * EDIT_ROOM);

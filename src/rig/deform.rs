@@ -39,7 +39,7 @@ impl Fades {
         if self.entries.is_empty() && self.room.len() < vertices {
             self.room = vec![[0.0; 4]; all];
         }
-        self.written.reserve((all / FADE_BLOCK).saturating_sub(self.written.len()));
+        self.written.reserve(all.div_ceil(FADE_BLOCK).saturating_sub(self.written.len()));
     }
 
     /// `c` in the rest frame (metres) and the start time (seconds) of each vertex; zero `c` for none. Empty: no vertex fades.
@@ -113,7 +113,9 @@ impl Fades {
     /// fade, as [`Fades::offset`] tells it; `pose` and `rows` are its skin.
     pub fn start(&mut self, rows: &VertexRows, pose: &Pose, v: VertexId, (moved, offset): (DVec3, DVec3), time_s: f64) {
         if self.entries.is_empty() {
-            self.make_room(rows.len());
+            if self.room.len() < rows.len() {
+                self.make_room(rows.len());
+            }
             self.entries = std::mem::take(&mut self.room);
             self.entries.truncate(rows.len());
         }

@@ -53,9 +53,9 @@ pub(super) struct History {
 /// Units that there is room for at first.
 const UNITS_ROOM: usize = 256;
 /// Strokes that there is room for: no frame in which one ends waits for it.
-const STROKES: usize = 16;
+const STROKES: usize = 8;
 /// Edits to the room of a delta.
-const EDITS: usize = 4;
+const EDITS: usize = 2;
 
 impl History {
     /// Empty, with room for the next strokes.

@@ -18,9 +18,9 @@ impl SlitScratch {
         self.reached.reserve(4 * room);
         self.affected.reserve(room);
         self.plane_edges.reserve(room);
-        self.edge_points.make_room(room);
+        self.edge_points.make_room(room / 4);
         self.on_edge.reserve(room);
-        self.wedges.make_room(room);
+        self.wedges.make_room(room / 4);
         self.region.make_room(room);
         self.locals.reserve(room);
         self.removed.reserve(room);

@@ -29,8 +29,8 @@ impl TearScratch {
         self.vertices.reserve(room);
         self.zero.reserve(room);
         self.topology.make_room(room);
-        self.edge_points.make_room(room);
-        self.wedges.make_room(room);
+        self.edge_points.make_room(room / 4);
+        self.wedges.make_room(room / 4);
         self.lining.make_room(room);
         self.clipped.make_room(POLYGON);
         self.region.make_room(room);

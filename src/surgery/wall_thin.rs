@@ -60,6 +60,8 @@ pub(super) struct Thinner {
     sectors: Vec<Sector>,
     targets: Vec<(f64, usize)>,
     wedges: Vec<(HalfEdge, WedgeId)>,
+    /// Wedges of the neighbour, by sector.
+    dressed: Vec<(usize, WedgeId)>,
     next: Vec<VertexId>,
     /// Result: faces with another corner than before, sorted; some may be gone.
     pub changed: Vec<FaceId>,
@@ -74,6 +76,7 @@ impl Thinner {
         self.sectors.reserve(edges);
         self.targets.reserve(edges);
         self.wedges.reserve(edges);
+        self.dressed.reserve(edges);
         self.next.reserve(edges);
         self.changed.reserve(edges);
         self.gone.reserve(edges);
@@ -240,7 +243,9 @@ impl Thinner {
         let beyond = [(j + n - 1) % n, j].map(|i| self.spokes[i].sector);
         let there = [back, edge.next()].map(|h| mesh.face_wedges(h.face())[h.corner()]);
         self.wedges.clear();
-        let mut copies: Vec<(usize, WedgeId)> = vec![(beyond[1], there[1]), (beyond[0], there[0])];
+        let copies = &mut self.dressed;
+        copies.clear();
+        copies.extend([(beyond[1], there[1]), (beyond[0], there[0])]);
         for i in (0..n).filter(|&i| i != j && (i + 1) % n != j) {
             let Spoke { edge, sector, .. } = self.spokes[i];
             let known = copies.iter().find(|c| c.0 == sector).map(|c| c.1);

@@ -104,7 +104,7 @@ struct Exit {
 }
 
 /// Faces of a bundle that room is made for at first.
-const BUNDLE_ROOM: usize = 512;
+const BUNDLE_ROOM: usize = 8192;
 
 impl ChordScratch {
     /// Makes room for a tissue of so many vertices.

@@ -100,9 +100,11 @@ impl Tissue {
     /// Takes back what the mesh noted since its last delta.
     pub(super) fn step_back(&mut self) {
         self.note_edits();
-        let delta = self.mesh.take_delta();
-        let inverse = self.mesh.apply_delta(delta);
-        self.note_travel(&inverse);
+        let mut delta = std::mem::take(&mut self.scratch.taken_back);
+        self.mesh.take_delta_into(&mut delta);
+        self.mesh.exchange_delta(&mut delta);
+        self.note_travel(&delta);
+        self.scratch.taken_back = delta;
     }
 
     fn apply(&mut self, delta: TissueDelta) -> TissueDelta {

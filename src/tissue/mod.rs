@@ -23,7 +23,7 @@ mod walls;
 use crate::formats::{Material, Model};
 use crate::geometry::room::{headroom, with_headroom};
 use crate::geometry::sections::{cluster_faces, join_strays};
-use crate::geometry::{Extraction, FaceId, Mesh, ParticleId, SectionId, StateHash, Turn, VertexId};
+use crate::geometry::{Extraction, FaceId, Mesh, MeshDelta, ParticleId, SectionId, StateHash, Turn, VertexId};
 use crate::particles::{
     Influence, ParticleMap, ParticleMapDelta, ParticleSettings, PlaneUpdateScratch, Strips, StripsDelta, UpdateScratch, sample,
 };
@@ -186,6 +186,8 @@ struct TissueScratch {
     turns: rotation::TurnScratch,
     chords: chords::ChordScratch,
     double_edges: double_edges::DoubleEdgeScratch,
+    /// What an edit that was taken back had changed.
+    taken_back: MeshDelta,
     /// Versions of the pose and of the structure for which all particles are at rest, and told where that is.
     rests: Option<[u64; 2]>,
 }
@@ -519,6 +521,7 @@ impl Tissue {
     /// Makes room in every array for what edits append, so that none is copied as a whole in an edit.
     fn make_room(&mut self) {
         self.mesh.make_room();
+        self.mesh.make_room_for_walls();
         self.rows.make_room();
         self.sections.make_room();
         self.rest.reserve(headroom(self.rest.len()));
@@ -526,6 +529,7 @@ impl Tissue {
         self.scratch.targets.reserve(EDIT_ROOM);
         self.scratch.corners.reserve(EDIT_ROOM);
         self.scratch.double_edges.make_room();
+        self.scratch.taken_back.make_room(1);
         if !self.rig.skins.is_empty() {
             self.scratch.chords.make_room(with_headroom(self.rest.len()));
         }

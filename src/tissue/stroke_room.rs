@@ -7,7 +7,7 @@ use crate::surgery::Sampling;
 use crate::tissue::{Tissue, TissueDelta};
 
 /// Entries of a list of what one segment touches: vertices, faces, planes.
-const SEGMENT_ROOM: usize = 512;
+const SEGMENT_ROOM: usize = 2048;
 /// Segments of a stroke.
 const SEGMENTS: usize = 256;
 /// Deltas that are under way: one is filled while others are with those who mirror the tissue.
