@@ -5,7 +5,7 @@
 mod common;
 
 use common::models::scene;
-use common::strokes::HeartStrokes;
+use common::strokes::{HeartStrokes, WildStroke};
 use glam::DVec3;
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
@@ -13,6 +13,7 @@ use incise::gpu::{Camera, Context, ContextOptions, DrawOptions, GpuError};
 use incise::host::mirror::Mirror;
 use incise::input::InputFrame;
 use incise::scene::EditCommand;
+use incise::surgery::WallMode;
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use std::alloc::System;
 use std::sync::Arc;
@@ -133,4 +134,43 @@ fn a_tear_of_a_beating_heart_allocates_nothing_of_ours() {
     target.leaky = true;
     app.frame(&InputFrame { time_s: 6.0, step_s: 1.0 / 90.0, ..InputFrame::default() }, &mut target).expect("a frame");
     assert_eq!(target.in_sync, 1, "the control is noticed");
+}
+
+/// What mirrors strokes that turn, dive and cross old wounds allocates nothing either: some of a run, since drawing takes its time.
+#[test]
+fn the_mirror_of_wild_strokes_allocates_nothing_of_ours() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
+    let (mut allocated, mut segments) = (Vec::new(), 0);
+    for seed in 0..4 {
+        let mut target = Target { mirror: Mirror::new(context.clone()), in_sync: 0, leaky: false };
+        let (mut scene, animated) = scene("heart", 4_000);
+        scene.set_animation(animated.then_some(0));
+        scene.set_measuring(false);
+        // the material of walls comes with the first that are asked for
+        scene.set_wall(WallMode::Closed);
+        let mut app = App::new(scene, 1.0, allocations);
+        let structure = |app: &App| app.scene.tissues().map(|(_, t)| t.versions().structure).sum::<u64>();
+        let mut number = 0;
+        for stroke in 0..3 {
+            let wild = WildStroke::draw(seed, stroke);
+            app.scene.set_wall(wild.wall);
+            for k in 0..wild.end() {
+                let before = structure(&app);
+                let report = app.frame(&wild.input(number, k), &mut target).expect("a frame");
+                app.give_back(report);
+                segments += u32::from(structure(&app) > before);
+                number += 1;
+                if number > 90 && target.in_sync > 0 {
+                    allocated.push((seed, stroke, k, target.in_sync));
+                }
+            }
+            app.frame(&wild.input(number, wild.end()), &mut target).expect("a frame");
+            if app.scene.tissues().count() > 1 {
+                break;
+            }
+        }
+    }
+    assert!(segments > 50, "{segments} segments");
+    assert!(allocated.is_empty(), "run, stroke, frame, and what its mirror allocated: {allocated:?}");
 }
