@@ -9,6 +9,7 @@ mod activity;
 mod body;
 pub mod contact;
 pub mod direct_displacement;
+mod hulls;
 mod implicit;
 mod matrix;
 mod network;

@@ -5,6 +5,7 @@
 //! an instrument alone costs nothing here.
 
 use super::body::{Body, DAMPING, Push};
+use super::hulls::{convex, hull};
 use super::network::Network;
 use super::rigid::{RigidPose, RigidShape, Solid};
 use super::step::LEAST_STEP;
@@ -479,48 +480,6 @@ fn groups(is: Group, touches: Group) -> InteractionGroups {
 
 fn collider_of(world: &PhysicsWorld, body: Option<RigidBodyHandle>) -> Option<ColliderHandle> {
     world.bodies.get(body?)?.colliders().first().copied()
-}
-
-/// The hull of a set of points for rapier, and as soft layers would feel it.
-fn convex(points: &[DVec3]) -> Option<(SharedShape, Solid)> {
-    let shape = hull(points)?;
-    let (points, faces) = shape.as_convex_polyhedron()?.to_trimesh();
-    let points: Vec<DVec3> = points.iter().map(|p| p.as_dvec3()).collect();
-    let solid = Solid::convex(&points, &faces)?;
-    Some((shape, solid))
-}
-
-/// The hull of a set of points, thickened where they lie in a plane. `None` for fewer than three places.
-fn hull(points: &[DVec3]) -> Option<SharedShape> {
-    let (low, high) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
-    let extent = high - low;
-    if !(extent.is_finite() && extent.max_element() > 0.0) {
-        return None;
-    }
-    let thin = 0.01 * extent.max_element();
-    let mut all: Vec<Vec3> = points.iter().map(|p| p.as_vec3()).collect();
-    let thinnest = if extent.x <= extent.y.min(extent.z) {
-        DVec3::X
-    } else if extent.y <= extent.z {
-        DVec3::Y
-    } else {
-        DVec3::Z
-    };
-    if extent.min_element() < thin {
-        let by = (thin * thinnest).as_vec3();
-        all = all.iter().flat_map(|p| [*p - by, *p + by]).collect();
-    }
-    SharedShape::convex_hull(&all).or_else(|| {
-        // Points in a plane askew to the axes, or in a line: the box around them.
-        let half = (0.5 * extent).max(DVec3::splat(thin));
-        let corners: Vec<Vec3> = (0..8)
-            .map(|k| {
-                0.5 * (low + high) + half * DVec3::from_array(std::array::from_fn(|m| if k >> m & 1 == 0 { -1.0 } else { 1.0 }))
-            })
-            .map(|p| p.as_vec3())
-            .collect();
-        SharedShape::convex_hull(&corners)
-    })
 }
 
 fn to_rapier(pose: &RigidPose) -> Pose {

@@ -231,7 +231,7 @@ impl Tissue {
 
     /// Writes where those still are (tissue space), drawn in by a few per cent so that pieces do not start inside each other.
     pub fn hull_points(&self, vertices: &[VertexId], points: &mut Vec<DVec3>) {
-        const SHRUNK: f64 = 0.97;
+        const SHRUNK: f64 = 0.99;
         points.clear();
         points.extend(vertices.iter().filter(|v| self.mesh.vertex_is_live(**v)).map(|v| self.position(*v)));
         let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
