@@ -185,6 +185,8 @@ pub fn slit_step(
 
 #[path = "slit_room.rs"]
 mod slit_room;
+#[path = "slit_single.rs"]
+mod slit_single;
 #[path = "slit_way.rs"]
 mod slit_way;
 
@@ -551,14 +553,19 @@ impl SlitScratch {
         for i in 0..self.split.len() {
             self.note_split(self.split[i], out);
         }
+        self.part_single_edges(mesh, out);
         self.note_lips(mesh, out);
+    }
+
+    /// Where a vertex along the cut lies.
+    fn place_of(&self, v: VertexId, out: &SlitStep) -> DVec3 {
+        let made = out.new_vertices.iter().find(|n| n.vertex == v).map(|n| n.position);
+        made.unwrap_or_else(|| self.positions[self.slot[v.index()] as usize])
     }
 
     /// A copy made by a fan split lies where its original lies.
     fn note_split(&mut self, split: SplitVertex, out: &mut SlitStep) {
-        let old = out.new_vertices.iter().find(|n| n.vertex == split.from).map(|n| n.position);
-        let position = old.unwrap_or_else(|| self.positions[self.slot[split.from.index()] as usize]);
-        out.new_vertices.push(NewVertex::copy_of(split, position));
+        out.new_vertices.push(NewVertex::copy_of(split, self.place_of(split.from, out)));
         copy_marks(&mut out.lips, split, |lip| &mut lip.vertex);
         copy_marks(&mut out.tags, split, |tag| &mut tag.vertex);
     }

@@ -72,7 +72,9 @@ impl WildStroke {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             low + (high - low) * ((state >> 33) as f64 / (1u64 << 31) as f64)
         };
-        (0..4).for_each(|_| drop(draw(0.0, 1.0)));
+        for _ in 0..4 {
+            draw(0.0, 1.0);
+        }
         let wall = if draw(0.0, 1.0) < 0.5 { WallMode::Closed } else { WallMode::Open };
         let width = [0.0, 0.0005, 0.002, 0.004][draw(0.0, 4.0) as usize];
         let side = if draw(0.0, 1.0) < 0.5 { 1.0 } else { -1.0 };
