@@ -85,20 +85,22 @@ fn four_cornered(whole: ConvexPolyhedron) -> SharedShape {
 
 /// Of a convex polygon's `count` corners, five or more, the four whose quadrangle has the largest area, ascending.
 fn widest_four(count: usize, at: impl Fn(usize) -> Vec3) -> [usize; 4] {
-    let across = |a: usize, b: usize, c: usize| (at(b) - at(a)).cross(at(c) - at(a)).length();
+    let across = |a: usize, b: usize, c: usize| (at(b % count) - at(a)).cross(at(c % count) - at(a)).length();
     let mut best = (f32::NEG_INFINITY, [0, 1, 2, 3]);
     for a in 0..count - 2 {
-        for c in a + 2..count {
-            // on each side of the diagonal the corner farthest from it
-            let farthest = |between: std::ops::Range<usize>| {
-                between.map(|k| (across(a, c, k % count), k % count)).fold((-1.0, 0), |m, k| if k.0 > m.0 { k } else { m })
-            };
-            if c + 1 - a == count {
-                continue; // neighbours
+        // on each side of the diagonal the corner farthest from it, which goes round as the diagonal turns
+        let (mut b, mut d) = (a + 1, a + 3);
+        for c in a + 2..count.min(a + count - 1) {
+            while b + 1 < c && across(a, c, b + 1) >= across(a, c, b) {
+                b += 1;
             }
-            let (b, d) = (farthest(a + 1..c), farthest(c + 1..a + count));
-            if b.0 + d.0 > best.0 {
-                best = (b.0 + d.0, [a, b.1, c, d.1]);
+            d = d.max(c + 1);
+            while d + 1 < a + count && across(a, c, d + 1) >= across(a, c, d) {
+                d += 1;
+            }
+            let area = across(a, c, b) + across(a, c, d);
+            if area > best.0 {
+                best = (area, [a, b, c, d % count]);
             }
         }
     }
