@@ -77,10 +77,8 @@ fn four_cornered(whole: ConvexPolyhedron) -> SharedShape {
             }
         }
     }
-    match ConvexPolyhedron::from_convex_hull(&points) {
-        Some(drawn_in) => SharedShape::new(drawn_in),
-        None => SharedShape::new(whole),
-    }
+    let drawn_in = (points != whole.points()).then(|| ConvexPolyhedron::from_convex_hull(&points)).flatten();
+    SharedShape::new(drawn_in.unwrap_or(whole))
 }
 
 /// Of a convex polygon's `count` corners, five or more, the four whose quadrangle has the largest area, ascending.

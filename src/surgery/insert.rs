@@ -1,6 +1,6 @@
 //! Inserting vertices: one per crossed edge and plane, with parents for its row and wedges for its corners (MATHS 1.2, 1.5).
 
-use crate::geometry::{FxHashMap, Mesh, SplitVertex, VertexId, Wedge, WedgeId};
+use crate::geometry::{FxHashMap, HalfEdge, Mesh, NewFace, SplitVertex, VertexId, Wedge, WedgeId};
 use glam::{DVec3, Vec3};
 
 /// A vertex that an edit inserted: `sum of weight * parent`, weights sum to 1.
@@ -146,6 +146,19 @@ impl WedgeMaker {
     pub fn clear(&mut self) {
         self.on_edges.clear();
         self.groups.clear();
+    }
+
+    /// The two faces that the face of `h` becomes once `middle` halves that edge: the part of its start, then that of its end.
+    pub fn halves(&mut self, mesh: &mut Mesh, h: HalfEdge, middle: VertexId) -> [NewFace; 2] {
+        let (f, k) = (h.face(), h.corner());
+        let (wedges, info) = (mesh.face_wedges(f), mesh.face_info(f));
+        let [from, to, far] = [k, (k + 1) % 3, (k + 2) % 3].map(|k| wedges[k]);
+        let [start, end, tip] = [mesh.from(h), mesh.to(h), mesh.from(h.prev())];
+        let at_middle = self.on_edge(mesh, middle, from, to, 0.5);
+        [
+            NewFace { corners: [start, middle, tip], wedges: [from, at_middle, far], info, side: 0 },
+            NewFace { corners: [middle, end, tip], wedges: [at_middle, to, far], info, side: 0 },
+        ]
     }
 
     /// The wedge of `vertex` at parameter `t` from wedge `a` to wedge `b` of one face.

@@ -1,7 +1,7 @@
 //! Slits of one edge.
 
 use super::{SlitScratch, SlitStep};
-use crate::geometry::{HalfEdge, Mesh, NewFace, VertexId};
+use crate::geometry::{HalfEdge, Mesh};
 use crate::surgery::insert::NewVertex;
 
 impl SlitScratch {
@@ -21,23 +21,14 @@ impl SlitScratch {
 
     /// Puts a vertex into the middle of an open edge. Returns the two that it becomes, in its direction.
     fn part_lip(&mut self, mesh: &mut Mesh, h: HalfEdge, out: &mut SlitStep) -> [HalfEdge; 2] {
-        let (f, k) = (h.face(), h.corner());
-        let wedges = mesh.face_wedges(f);
-        let [from, to, far] = [k, (k + 1) % 3, (k + 2) % 3].map(|k| wedges[k]);
-        let ([start, end], tip) = ([mesh.from(h), mesh.to(h)], mesh.from(h.prev()));
+        let [start, end, tip] = [mesh.from(h), mesh.to(h), mesh.from(h.prev())];
         let middle = mesh.add_vertex();
-        let at_middle = self.wedges.on_edge(mesh, middle, from, to, 0.5);
-        let info = mesh.face_info(f);
-        let faces = [
-            NewFace { corners: [start, middle, tip], wedges: [from, at_middle, far], info, side: 0 },
-            NewFace { corners: [middle, end, tip], wedges: [at_middle, to, far], info, side: 0 },
-        ];
-        mesh.replace_faces(&[f], &faces, |_| 0, &mut self.topology);
-        let position = (self.place_of(start, out) + self.place_of(end, out)) / 2.0;
-        let parents = [(start, 0.5), (end, 0.5), (VertexId::NONE, 0.0)];
-        out.new_vertices.push(NewVertex { vertex: middle, parents, parent_count: 2, position });
+        let faces = self.wedges.halves(mesh, h, middle);
+        mesh.replace_faces(&[h.face()], &faces, |_| 0, &mut self.topology);
+        let ends = [start, end].map(|v| (v, self.place_of(v, out)));
+        out.new_vertices.push(NewVertex::on_edge(middle, ends, 0.5));
         out.touched.push(tip);
-        out.added_faces.retain(|&added| added != f);
+        out.added_faces.retain(|&f| f != h.face());
         out.added_faces.extend_from_slice(&self.topology.added);
         [0, 1].map(|i| HalfEdge::of(self.topology.added[i], 0))
     }

@@ -3,7 +3,7 @@
 
 use super::Tissue;
 use crate::geometry::topology::TopologyScratch;
-use crate::geometry::{HalfEdge, NewFace, VertexId};
+use crate::geometry::{HalfEdge, VertexId};
 use crate::surgery::insert::{NewVertex, WedgeMaker};
 
 /// Scratch of [`Tissue::part_double_edges`].
@@ -79,21 +79,9 @@ impl Tissue {
         }
         let middle = self.mesh.add_vertex();
         maker.clear();
-        let faces = [(h, tips[0]), (back, tips[1])].map(|(h, tip)| {
-            let (f, k) = (h.face(), h.corner());
-            let wedges = self.mesh.face_wedges(f);
-            let [from, to, far] = [k, (k + 1) % 3, (k + 2) % 3].map(|k| wedges[k]);
-            let at_middle = maker.on_edge(&mut self.mesh, middle, from, to, 0.5);
-            let info = self.mesh.face_info(f);
-            let [start, end] = [self.mesh.from(h), self.mesh.to(h)];
-            [
-                NewFace { corners: [start, middle, tip], wedges: [from, at_middle, far], info, side: 0 },
-                NewFace { corners: [middle, end, tip], wedges: [at_middle, to, far], info, side: 0 },
-            ]
-        });
+        let faces = [h, back].map(|h| maker.halves(&mut self.mesh, h, middle));
         self.mesh.replace_faces(&[h.face(), back.face()], faces.as_flattened(), |_| 0, topology);
-        let none = (VertexId::NONE, 0.0);
-        let new = [NewVertex { vertex: middle, parents: [(u, 0.5), (v, 0.5), none], parent_count: 2, position: (p + q) / 2.0 }];
+        let new = [NewVertex::on_edge(middle, [(u, p), (v, q)], 0.5)];
         self.add_vertices(&new);
         let report = self.update_map(&new, &[], 0..0, &[]);
         self.scratch.update.reuse(report);

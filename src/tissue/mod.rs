@@ -520,8 +520,8 @@ impl Tissue {
 
     /// Makes room in every array for what edits append, so that none is copied as a whole in an edit.
     fn make_room(&mut self) {
-        self.mesh.make_room();
         self.mesh.make_room_for_walls();
+        self.mesh.make_room();
         self.rows.make_room();
         self.sections.make_room();
         self.rest.reserve(headroom(self.rest.len()));

@@ -229,7 +229,7 @@ impl Tissue {
         vertices
     }
 
-    /// Writes where those still are (tissue space), drawn in by a few per cent so that pieces do not start inside each other.
+    /// Writes where those still are (tissue space), drawn in by a hundredth so that pieces do not start inside each other.
     pub fn hull_points(&self, vertices: &[VertexId], points: &mut Vec<DVec3>) {
         const SHRUNK: f64 = 0.99;
         points.clear();

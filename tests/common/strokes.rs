@@ -28,8 +28,7 @@ impl HeartStrokes {
         let commands = match k {
             0 => vec![EditCommand::StrokeBegin { width: if stroke % 3 == 2 { 0.0 } else { 0.002 } }, pose],
             END => vec![EditCommand::StrokeEnd],
-            // Where the next stroke finds tissue that swings back, ties take exact arithmetic, and boxes that go wrong are taken back: both
-            // allocate, and open strokes have the fewest.
+            // Where the next stroke finds tissue that swings back, ties take exact arithmetic, which allocates; open strokes have the fewest.
             _ if k > END && stroke % 3 != 2 => Vec::new(),
             52 => vec![EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, y - 0.01, 0.04), radius: 0.015 }],
             53..58 => vec![EditCommand::GrabMove { id: 1, by: DVec3::new(0.0, 0.001 * f64::from(k - 52), 0.002) }],
