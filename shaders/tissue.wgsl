@@ -10,6 +10,8 @@
 @group(1) @binding(7) var texture_sampler: sampler;
 
 const WALL: u32 = 1u;
+// A sliver of wall between vertices of a lip, no wider than a lip: nothing but lip.
+const RIM: u32 = 2u;
 
 struct Corner {
     @builtin(position) clip: vec4f,
@@ -38,6 +40,20 @@ fn normal_to_world(t: u32, n: vec3f) -> vec3f {
     return vec3f(dot(cross(y, z), n), dot(cross(z, x), n), dot(cross(x, y), n));
 }
 
+// Width of a face over its longest edge, metres.
+fn width_of(t: u32, face: u32) -> f32 {
+    var p: array<vec3f, 3>;
+    for (var k = 0u; k < 3u; k++) {
+        p[k] = deformed[tissues[t].positions + wedges[tissues[t].wedges + faces[face].wedges[k]].vertex].xyz;
+    }
+    let sides = vec3f(distance(p[0], p[1]), distance(p[1], p[2]), distance(p[2], p[0]));
+    return length(cross(p[1] - p[0], p[2] - p[0])) / max(max(sides.x, max(sides.y, sides.z)), 1e-30);
+}
+
+fn is_on_lip(t: u32, face: u32, k: u32) -> bool {
+    return deformed[tissues[t].normals + faces[face].wedges[k]].w == 0.0;
+}
+
 @vertex
 fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> Corner {
     let face = index / 3u;
@@ -60,7 +76,12 @@ fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> 
     out.uv = wedge.uv;
     out.colour = unpack4x8unorm(wedge.colour);
     out.material = tissues[t].materials + min(draw & 0xffffu, tissues[t].material_count - 1u);
-    out.flags = select(0u, WALL, (draw >> 31u) != 0u);
+    if ((draw >> 31u) != 0u) {
+        out.flags = WALL;
+        if (out.lip == 0.0 && is_on_lip(t, face, 0u) && is_on_lip(t, face, 1u) && is_on_lip(t, face, 2u)) {
+            out.flags |= select(0u, RIM, width_of(t, face) * tissues[t].detail_scale < LIP_WIDTH);
+        }
+    }
     out.view = view;
     out.clip = frame.views[view].clip_from_world * vec4f(out.position, 1.0);
     return out;
@@ -139,6 +160,12 @@ fn raw_flesh(base: vec3f, p: vec3f, s: ptr<function, Surface>) -> vec3f {
     return 0.16 * broad.yzw + 0.16 * fibre.yzw * vec3f(1.0, 0.35, 1.0) + 0.05 * grain.yzw;
 }
 
+// How far the surface where a noise with this gradient has one value runs along `way`, 0 to 1. What such surfaces draw on a skin is closed
+// lines; drawn as far as they run one way, they come and go as vessels do.
+fn runs_along(way: vec3f, gradient: vec3f) -> f32 {
+    return 1.0 - abs(dot(gradient, way)) * inverseSqrt(max(dot(gradient, gradient), 1e-12));
+}
+
 // The outside of an organ without a picture of its own: mottled, streaked by fibres, with fat in its hollows and vessels under
 // the surface. Returns the gradient of its relief.
 fn organ(base: vec3f, p: vec3f, s: ptr<function, Surface>) -> vec3f {
@@ -157,13 +184,16 @@ fn organ(base: vec3f, p: vec3f, s: ptr<function, Surface>) -> vec3f {
     albedo = mix(albedo, vec3f(dot(albedo, vec3f(0.4, 0.4, 0.2))), 0.10);
     albedo *= mix(vec3f(1.0), vec3f(0.92, 0.72, 0.80), saturate(0.5 - 0.9 * slow.x));
     // Vessels along the zero lines of two slow noises; the larger ones stand out a little.
-    let stem = smoothstep(0.05, 0.015, abs(slow.x - 0.06)) * smoothstep(-0.15, 0.25, broad.x);
+    let down = smoothstep(0.15, 0.6, runs_along(vec3f(0.0, 1.0, 0.0), slow.yzw));
+    let caliber = max(0.05 * down, 1e-3);
+    let stem = down * smoothstep(caliber, 0.3 * caliber, abs(slow.x - 0.06)) * smoothstep(-0.15, 0.25, broad.x);
     let web = turned_noise(p * 11.0 + warp * 14.0);
-    let twig = smoothstep(0.07, 0.0, abs(web.x)) * smoothstep(0.0, 0.5, fine.x + 1.3 * broad.x) * (1.0 - stem);
+    let across = smoothstep(0.1, 0.6, runs_along(vec3f(0.6, 0.64, 0.48), web.yzw));
+    let twig = across * smoothstep(0.07, 0.0, abs(web.x)) * smoothstep(0.0, 0.5, fine.x + 1.3 * broad.x) * (1.0 - stem);
     albedo = mix(albedo, albedo * vec3f(0.62, 0.26, 0.33), 0.75 * stem * flesh);
     albedo = mix(albedo, albedo * vec3f(0.80, 0.42, 0.44), 0.45 * twig * flesh);
     // Fat along the vessels: pale yellow, lobed, drier.
-    let along = smoothstep(0.30, 0.05, abs(slow.x - 0.06)) * smoothstep(0.10, 0.45, broad.x + 0.45 * fine.x);
+    let along = down * smoothstep(0.30, 0.05, abs(slow.x - 0.06)) * smoothstep(0.10, 0.45, broad.x + 0.45 * fine.x);
     let fat = (1.0 - 0.85 * stem) * along * flesh;
     albedo = mix(albedo, vec3f(0.50, 0.33, 0.19) * (0.9 + 0.25 * fine.x + 0.1 * grain.x), 0.8 * fat);
     (*s).albedo = albedo;
@@ -219,7 +249,7 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     s.film_normal = tilt(s.normal, relief, position_x, position_y, rest_x, rest_y);
     s.normal = normalize(mix(s.normal, s.film_normal, 0.45));
     if (front && in.lip < 4.0 * LIP_WIDTH) {
-        lip(&s, in.lip, vec2f(lip_x, lip_y), position_x, position_y, scale, wall);
+        lip(&s, in.lip, vec2f(lip_x, lip_y), position_x, position_y, scale, in.flags);
     }
     return finish(shade(s), in.clip.xy);
 }
@@ -230,7 +260,7 @@ const LIP_WIDTH: f32 = 0.0045;
 
 // The lip of a wound: a thin pale edge, where skin or capsule is seen cut, that rolls over into the wound and so catches the
 // light. `distance` from it is in diagonals.
-fn lip(s: ptr<function, Surface>, distance: f32, slope: vec2f, position_x: vec3f, position_y: vec3f, scale: f32, wall: bool) {
+fn lip(s: ptr<function, Surface>, distance: f32, slope: vec2f, position_x: vec3f, position_y: vec3f, scale: f32, flags: u32) {
     let n = (*s).shell_normal;
     let r1 = cross(position_y, n);
     let r2 = cross(n, position_x);
@@ -239,9 +269,9 @@ fn lip(s: ptr<function, Surface>, distance: f32, slope: vec2f, position_x: vec3f
     let width = LIP_WIDTH;
     let near = smoothstep(width, 0.15 * width, distance);
     let flush = smoothstep(4.0 * width, 0.0, distance);
-    if (wall) {
+    if ((flags & WALL) != 0u) {
         // A face of a cap has all its corners on the lip and is none of it: there the distance does not grow.
-        let grows = smoothstep(0.2, 0.6, length(away) * scale);
+        let grows = select(smoothstep(0.2, 0.6, length(away) * scale), 1.0, (flags & RIM) != 0u);
         (*s).albedo = mix((*s).albedo, vec3f(0.52, 0.24, 0.17), 0.55 * near * grows);
         (*s).openness = mix((*s).openness, 0.95, flush * grows);
         return;

@@ -63,7 +63,7 @@ fn no_frame_of_a_stroke_allocates_neither_its_first_nor_its_last() {
     assert_eq!((app.scene.tissues().count(), app.scene.undo_depth()), (1, HeartStrokes::COUNT));
     assert!(allocated.is_empty(), "frames, and what they allocated: {allocated:?}");
     // the control: an undo is told of with a list of its tissues
-    let input = InputFrame { time_s: 6.0, step_s: 1.0 / 90.0, commands: vec![EditCommand::Undo], ..InputFrame::default() };
+    let input = InputFrame { time_s: 8.0, step_s: 1.0 / 90.0, commands: vec![EditCommand::Undo], ..InputFrame::default() };
     let Ok(report) = app.frame(&input, &mut Nowhere);
     assert!(report.counters.allocations > 0, "the control is noticed");
 }

@@ -132,7 +132,7 @@ fn a_tear_of_a_beating_heart_allocates_nothing_of_ours() {
     );
     // the control
     target.leaky = true;
-    app.frame(&InputFrame { time_s: 6.0, step_s: 1.0 / 90.0, ..InputFrame::default() }, &mut target).expect("a frame");
+    app.frame(&InputFrame { time_s: 8.0, step_s: 1.0 / 90.0, ..InputFrame::default() }, &mut target).expect("a frame");
     assert_eq!(target.in_sync, 1, "the control is noticed");
 }
 

@@ -195,7 +195,7 @@ fn each_wound_of_a_stroke_is_a_lens_of_its_own() {
     let layer = only(&scene).layer().unwrap();
     let marks = layer.strips.wounds();
     let slit = |strip: u32| layer.strips.as_slice()[strip as usize].slit;
-    let opening = |j: ParticleId| DVec3::from_array(layer.map.rest_displacement[j.index()]).length();
+    let opening = |j: ParticleId| opening(&layer.map, j);
     let mut slits: Vec<u32> = marks.iter().map(|m| slit(m.strip)).collect();
     slits.dedup();
     assert_eq!(slits.len(), 2, "two wounds");
@@ -205,9 +205,16 @@ fn each_wound_of_a_stroke_is_a_lens_of_its_own() {
         along.sort_by(|a, b| (a.0, a.1).partial_cmp(&(b.0, b.1)).unwrap());
         let widest = along.iter().map(|m| m.2).fold(0.0, f64::max);
         let ends = [along[0].2, along[along.len() - 1].2];
-        assert!(ends.iter().all(|e| *e < 0.1 * widest), "{ends:?} of {widest}");
+        assert!(ends.iter().all(|e| *e < 0.15 * widest), "{ends:?} of {widest}");
         assert!(along[along.len() / 2].2 > 0.8 * widest, "and widest in the middle");
     }
+}
+
+/// How far its particles move the lip that a wound particle sits on away from its slit when they rest, metres.
+fn opening(map: &ParticleMap, p: ParticleId) -> f64 {
+    let moves = |j: ParticleId| DVec3::from_array(map.rest_displacement[j.index()]);
+    let row = map.influences.row(map.anchors[p.index()].index());
+    row.iter().map(|e| moves(e.particle) * f64::from(e.weight)).sum::<DVec3>().dot(moves(p).normalize()).abs()
 }
 
 /// Where a particle is seen, model space.
@@ -323,7 +330,7 @@ fn a_slit_across_a_wound_stands_open_there() {
     };
     let first = tear(DVec3::new(-0.02, 0.03, 0.015), DVec3::new(0.02, -0.03, 0.015));
     tear(DVec3::new(0.02, 0.03, 0.015), DVec3::new(-0.02, -0.03, 0.015));
-    let opening = |p: ParticleId| DVec3::from_array(map(&scene).rest_displacement[p.index()]).length();
+    let opening = |p: ParticleId| opening(map(&scene), p);
     let rest = |p: ParticleId| only(&scene).rows().rest(map(&scene).anchors[p.index()]);
     for side in [-1.0, 1.0] {
         let half = wounds(&scene).filter(|p| p.index() >= first && side * rest(*p).y > 0.0);
@@ -332,7 +339,7 @@ fn a_slit_across_a_wound_stands_open_there() {
         let widest = half.iter().map(|h| h.1).fold(0.0, f64::max);
         // 0 in the half whose start's lips seemed to meet, round its first short box
         let narrowest = half[..4].iter().map(|h| h.1).fold(f64::INFINITY, f64::min);
-        assert!(half.len() > 12 && narrowest > 0.9 * widest, "{half:.4?}");
+        assert!(half.len() > 12 && narrowest > 0.5 * widest, "{half:.4?}");
     }
 }
 

@@ -7,6 +7,7 @@
 use super::build::{link_weight, normalise};
 use super::cut_links::Codes;
 use super::flood::Flood;
+use super::lens::Lens;
 use super::link_tests::{AskedFirst, LinkTests};
 use super::links_wanted::{LinksWanted, ParticleBits};
 use super::map_edit::{LipVertex, MapEdit};
@@ -70,6 +71,7 @@ pub struct UpdateScratch {
     pub(super) lost: Vec<ParticleId>,
     /// Lips of the strip that a slit ends with.
     pub(super) lips: Vec<LipVertex>,
+    pub(super) lens: Lens,
     /// A report that nobody needs any more.
     report: MapUpdateReport,
 }
@@ -122,6 +124,7 @@ pub fn update_after_edit(
         update.link_particles(moved);
         update.adopt_orphans();
         update.write_rows();
+        wound::open_slits(&mut update);
     }
     update.finish()
 }

@@ -200,7 +200,7 @@ impl WoundSettings {
     /// Defaults for a particle spacing and a radius of influence: a gap of a third of the spacing.
     pub fn for_spacing(spacing: f64, radius: f64) -> Self {
         let radius = radius.min(0.9 * spacing);
-        Self { gap: spacing / 3.0, spacing: 0.35 * spacing, radius, strength: 6.0, front: radius, max_particles: 128 }
+        Self { gap: spacing / 3.0, spacing: 0.35 * spacing, radius, strength: 1.0, front: radius, max_particles: 128 }
     }
 }
 

@@ -149,6 +149,12 @@ impl Patient {
         Some(NewVertex { vertex: m, parents: [a, b, VertexId::NONE], is_apart: false })
     }
 
+    /// How far its particles move a vertex when they rest.
+    fn moved(&self, v: VertexId) -> DVec3 {
+        let row = self.map.influences.row(v.index());
+        row.iter().map(|e| DVec3::from_array(self.map.rest_displacement[e.particle.index()]) * f64::from(e.weight)).sum()
+    }
+
     fn validate(&self) {
         self.map.validate(&self.mesh, &self.rest, &self.strips).unwrap();
     }
@@ -343,27 +349,51 @@ fn a_wound_opens_like_a_lens() {
     let mut patient = Patient::new(test_models::grid(60, 0.0, 1), settings(0.1, gap));
     let wound = patient.slit(0.5, 0.3, 0.7, 4);
     patient.update(&wound);
-    let moved = |v: VertexId| -> DVec3 {
-        let row = patient.map.influences.row(v.index());
-        row.iter().map(|e| DVec3::from_array(patient.map.rest_displacement[e.particle.index()]) * f64::from(e.weight)).sum()
-    };
+    let Patient { mesh, rest, map, strips, settings, scratch } = &mut patient;
+    release_slit((mesh, rest), map, strips, settings, scratch);
     let opening = |x: f64| -> f64 {
         let lips = wound.lips.iter().filter(|l| (patient.rest[l.vertex.index()].x - x).abs() < 1e-9);
-        let sides: Vec<f64> = lips.map(|l| -f64::from(l.side) * moved(l.vertex).y).collect();
+        let sides: Vec<f64> = lips.map(|l| -f64::from(l.side) * patient.moved(l.vertex).y).collect();
         assert_eq!(sides.len(), 2);
         assert!(sides.iter().all(|y| *y > 0.0), "each lip moves away from the slit");
         sides.iter().sum()
     };
     let middle = opening(0.5);
-    assert!(middle > 0.65 * gap && middle <= gap, "{middle} of {gap}");
+    assert!(middle > 0.85 * gap && middle <= gap, "{middle} of {gap}");
     let (left, right) = (opening(19.0 / 60.0), opening(41.0 / 60.0));
     assert!(left < 0.7 * middle && right < 0.7 * middle, "{left} {middle} {right}");
     for v in patient.mesh.live_vertices() {
         let p = patient.rest[v.index()];
         if (p.y - 0.5).abs() > patient.settings.radius || !(0.1..0.9).contains(&p.x) {
-            assert_eq!(moved(v), DVec3::ZERO);
+            assert_eq!(patient.moved(v), DVec3::ZERO);
         }
     }
+}
+
+/// Once the blade has left, each lip stands where the lens is: the particles do not, since a lip follows a blend of them.
+#[test]
+fn the_lips_are_on_the_lens_and_not_their_particles() {
+    let (from, length, half_gap) = (0.3, 0.4, 0.02);
+    let mut patient = Patient::new(test_models::grid(60, 0.0, 1), settings(0.1, 2.0 * half_gap));
+    let wound = patient.slit(0.5, from, from + length, 4);
+    patient.update(&wound);
+    let Patient { mesh, rest, map, strips, settings, scratch } = &mut patient;
+    release_slit((mesh, rest), map, strips, settings, scratch);
+    let lens = |m: &WoundMark, patient: &Patient| {
+        let x = (patient.rest[patient.map.anchors[m.particle.index()].index()].x - from) / length;
+        half_gap * 4.0 * x * (1.0 - x)
+    };
+    let off = |patient: &Patient| {
+        let lip = |m: &WoundMark| patient.moved(patient.map.anchors[m.particle.index()]).y * -f64::from(m.side);
+        let off = patient.strips.wounds().iter().map(|m| (lip(m) - lens(m, patient)).abs());
+        off.fold(0.0, f64::max) / half_gap
+    };
+    assert!(off(&patient) < 0.2, "{}", off(&patient));
+    for m in patient.strips.wounds().to_vec() {
+        let out = -f64::from(m.side) * lens(&m, &patient);
+        patient.map.rest_displacement.set(m.particle.index(), [0.0, out, 0.0]);
+    }
+    assert!(off(&patient) > 0.3, "broken twin, the particles on the lens: {}", off(&patient));
 }
 
 /// Where a slit runs over a border its lips do not meet, and it stands open there; within the skin both ends are held shut.
@@ -377,8 +407,9 @@ fn a_wound_is_shut_where_its_lips_meet() {
         release_slit((mesh, rest), map, strips, settings, scratch);
         patient.validate();
         let Patient { rest, map, strips, .. } = &patient;
-        let place = |m: &WoundMark| rest[map.anchors[m.particle.index()].index()].x;
-        let width = |m: &WoundMark| 2.0 * map.rest_displacement[m.particle.index()][1].abs();
+        let anchor = |m: &WoundMark| map.anchors[m.particle.index()];
+        let place = |m: &WoundMark| rest[anchor(m).index()].x;
+        let width = |m: &WoundMark| 2.0 * patient.moved(anchor(m)).y * -f64::from(m.side);
         let mut marks: Vec<(f64, f64)> = strips.wounds().iter().map(|m| (place(m), width(m))).collect();
         marks.sort_by(|a, b| a.0.total_cmp(&b.0));
         [marks[0].1, marks[marks.len() / 2].1, marks[marks.len() - 1].1].map(|w| w / 0.04)
@@ -390,7 +421,7 @@ fn a_wound_is_shut_where_its_lips_meet() {
     let [start, middle, end] = opened(0.6, 61.0 / 60.0);
     assert!(start < 0.1 && middle < end && end > 0.9, "over the border it ends at: {start} {middle} {end}");
     let [start, middle, end] = opened(-1.0 / 60.0, 61.0 / 60.0);
-    assert!(start.min(middle).min(end) > 0.99, "from border to border: {start} {middle} {end}");
+    assert!(start.min(middle).min(end) > 0.98, "from border to border: {start} {middle} {end}");
 }
 
 #[test]
@@ -399,19 +430,21 @@ fn a_growing_slit_keeps_its_wound_particles_within_bounds() {
     limited.wound.max_particles = 10;
     let mut patient = Patient::new(test_models::grid(60, 0.0, 1), limited);
     let whole = patient.slit(0.5, 0.1, 0.9, 8);
-    let mut middle = Vec::new();
+    let mut largest = Vec::new();
     for k in whole.strips.clone() {
         // The strips come one at a time, as they do while a tear is under way; the mesh is torn already.
         let lips: Vec<LipVertex> = whole.lips.iter().copied().filter(|l| l.strip == k).collect();
         let new: Vec<NewVertex> = if k == 0 { whole.new.clone() } else { Vec::new() };
         patient.update(&Wound { new, lips, strips: k..k + 1, removed: Vec::new() });
-        let largest = patient.map.rest_displacement.iter().map(|u| DVec3::from_array(*u).length()).fold(0.0, f64::max);
-        middle.push(largest);
+        let length = |u: DVec3| u.length();
+        let set = patient.map.rest_displacement.iter().map(|u| length(DVec3::from_array(*u))).fold(0.0, f64::max);
+        let lip = patient.mesh.live_vertices().map(|v| length(patient.moved(v))).fold(0.0, f64::max);
+        largest.push((set, lip));
     }
     patient.validate();
     let wounds = (0..patient.map.len()).filter(|&j| patient.map.is_wound(ParticleId::new(j))).count();
     assert!((4..=10).contains(&wounds), "{wounds}");
-    assert!(middle.iter().all(|m| *m <= 0.02 + 1e-12));
+    assert!(largest.iter().all(|(set, lip)| *set <= 0.04 + 1e-12 && *lip <= 0.023), "{largest:?}");
 }
 
 #[test]

@@ -5,21 +5,18 @@
 //! lips do not meet; it is set anew for the whole slit whenever the slit grows. Near an advancing blade it stays closed, so that the blade
 //! goes on through skin that its own wound does not pull aside.
 
+use super::lens::{LEAST_SHARE, Opening, slit_marks};
 use super::map_edit::{LipVertex, MapEdit};
 use super::map_report::MapUpdateReport;
 use super::map_update::{Update, UpdateScratch};
 use super::particle_map::ParticleMap;
-use super::settings::{ParticleSettings, WoundSettings};
+use super::settings::ParticleSettings;
 use super::strips::{LipSide, Strips, WoundMark};
-use crate::geometry::{HalfEdge, Mesh, ParticleId, VertexId};
+use crate::geometry::{HalfEdge, Mesh, VertexId};
 use glam::DVec3;
 
-/// Widest opening over the length of the slit: a short slit opens less than the gap.
-const GAP_OVER_LENGTH: f64 = 0.35;
 /// Vertices that are looked at between the two lips of a slit's end.
 const MOST_BETWEEN_LIPS: usize = 128;
-/// Least share of the opening, so that a wound particle never counts as an ordinary one.
-const LEAST_SHARE: f64 = 1e-3;
 
 /// Where `p` lies along strip `k`: 0 at its start, 1 at its end. A blade that leans sweeps a fan, and a place in it lies between the two
 /// ends as its distances from them say.
@@ -42,7 +39,7 @@ fn stretch_of_lips(update: &Update<'_, '_>, k: usize) -> (f64, f64) {
     places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(t), high.max(t)))
 }
 
-/// Adds wound particles to the lips of the new strips and sets the rest displacements of their slits.
+/// Adds wound particles to the lips of the new strips.
 pub(super) fn add_particles(update: &mut Update<'_, '_>) {
     let wound = update.settings.wound;
     let strips = update.edit.new_strips.clone();
@@ -75,9 +72,26 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
             offset = end;
             k += 1;
         }
-        let open = (offset - wound.front).max(0.0);
-        let changed = &mut update.report.particles_changed;
-        displace_slit(update.map, update.strips, &wound, (start, open, true), |j| changed.push(j));
+    }
+}
+
+/// Sets the rest displacements of the slits that the new strips belong to, after the rows are written.
+pub(super) fn open_slits(update: &mut Update<'_, '_>) {
+    let Update { map, strips, edit, settings, scratch, report, .. } = update;
+    let (wound, last) = (settings.wound, edit.new_strips.end.min(strips.len()));
+    if wound.gap <= 0.0 {
+        return;
+    }
+    let mut first = edit.new_strips.start;
+    while first < last {
+        let slit = strips.as_slice()[first].slit;
+        let next = (first..last).find(|&k| strips.as_slice()[k].slit != slit).unwrap_or(last);
+        let newest = (first..next).rev().find(|&k| !strips.as_slice()[k].is_beside());
+        let length = newest.map_or(strips.stretch(first).0, |k| strips.stretch(k).0 + strips.stretch(k).1);
+        let open = (length - wound.front).max(0.0);
+        let opening = Opening { start: strips.slit_start(first), open, is_shut: true, is_done: false };
+        scratch.lens.displace_slit(map, strips, &wound, opening, |j| report.particles_changed.push(j));
+        first = next;
     }
 }
 
@@ -118,11 +132,6 @@ fn lips_meet(update: &mut Update<'_, '_>, (k, (first, last)): (usize, (f64, f64)
     false
 }
 
-/// Marks of the slit that starts at strip `start` and goes on to the newest strip.
-fn slit_marks(strips: &Strips, start: usize) -> impl Iterator<Item = &WoundMark> {
-    strips.wounds().iter().rev().take_while(move |m| m.strip as usize >= start)
-}
-
 /// Adds up to two particles, `room` at most, on one lip of strip `k`, whose [`stretch_of_lips`] is given: a blade that passes through a
 /// thin part leaves two lips on a side. Returns how many.
 fn add_at(update: &mut Update<'_, '_>, (k, lips): (usize, (f64, f64)), place: f64, side: i8, room: usize) -> usize {
@@ -152,40 +161,6 @@ fn add_at(update: &mut Update<'_, '_>, (k, lips): (usize, (f64, f64)), place: f6
         taken[i] = Some(vertex);
     }
     taken.iter().flatten().count()
-}
-
-/// Sets the rest displacements of the slit that starts at strip `start`: a parabola along its first `open` metres, closed behind
-/// (MATHS 3.3). It is half the gap at the middle and nothing at the ends; an end where lips do not meet is as wide as the middle would be.
-/// `is_shut` tells that of the end; the start is shut if a wound particle holds it. Tells the particles whose displacement changed.
-fn displace_slit(
-    map: &mut ParticleMap,
-    strips: &Strips,
-    wound: &WoundSettings,
-    (start, open, is_shut): (usize, f64, bool),
-    mut changed: impl FnMut(ParticleId),
-) {
-    let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * open);
-    let place = |mark: &WoundMark| strips.stretch(mark.strip as usize).0 + mark.along;
-    let profile: fn(f64) -> f64 = match (slit_marks(strips, start).any(|m| place(m) < 0.5 * wound.spacing), is_shut) {
-        (true, true) => |x| 4.0 * x * (1.0 - x),
-        (true, false) => |x| x * (2.0 - x),
-        (false, true) => |x| 1.0 - x * x,
-        (false, false) => |_| 1.0,
-    };
-    for mark in slit_marks(strips, start) {
-        let (j, k) = (mark.particle.index(), mark.strip as usize);
-        if j >= map.len() || map.anchors[j].is_none() || strips.as_slice()[k].slit != strips.as_slice()[start].slit {
-            continue;
-        }
-        let x = if open > 0.0 { place(mark) / open } else { f64::INFINITY };
-        let share = if x <= 1.0 { profile(x) } else { f64::from(u8::from(!is_shut)) };
-        let least = LEAST_SHARE * wound.gap;
-        let u0 = (strips.geometry(k).normal() * (f64::from(mark.side) * (half_gap * share).max(least))).to_array();
-        if map.rest_displacement[j] != u0 && u0 != [0.0; 3] {
-            map.rest_displacement.set(j, u0);
-            changed(mark.particle);
-        }
-    }
 }
 
 /// Live lips of a strip.
@@ -231,8 +206,9 @@ pub fn release_slit(
         update.link_particles(0);
         update.write_rows();
     }
-    let changed = &mut update.report.particles_changed;
-    displace_slit(update.map, update.strips, &wound, (start, before + length, is_shut), |j| changed.push(j));
+    let opening = Opening { start, open: before + length, is_shut, is_done: true };
+    let (lens, changed) = (&mut update.scratch.lens, &mut update.report.particles_changed);
+    lens.displace_slit(update.map, update.strips, &wound, opening, |j| changed.push(j));
     let report = update.finish();
     scratch.lips = lips;
     report

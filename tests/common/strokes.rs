@@ -7,7 +7,7 @@ use incise::scene::EditCommand;
 use incise::surgery::{BladePose, WallMode};
 
 /// Frames from one stroke's begin to the next.
-const STROKE: u32 = 60;
+const STROKE: u32 = 80;
 /// The frame of a stroke in which it ends.
 const END: u32 = 50;
 

@@ -1,0 +1,180 @@
+//! The shape of an open wound: rest displacements of its wound particles, such that its lips stand apart as a lens does (MATHS 3.3).
+//!
+//! A lip follows a blend of the particles around, so a lip whose particles stood on the lens would not: ends would gape, drawn open by what
+//! stands beside them, and the middle would open less than it should. That is good enough while the blade goes on, and cheap. Once it has
+//! left, the particles are set such that the lip is where it belongs at each of them, as far as that goes without waves: a few rounds of
+//! Landweber's iteration (1951) for least squares.
+
+use super::particle_map::ParticleMap;
+use super::settings::WoundSettings;
+use super::strips::{Strips, WoundMark};
+use crate::geometry::room::fit;
+use crate::geometry::{ParticleId, VertexId};
+use glam::DVec3;
+
+/// Widest opening over the length of the slit: a short slit opens less than the gap.
+const GAP_OVER_LENGTH: f64 = 0.35;
+/// Least share of the gap, so that a wound particle never counts as an ordinary one.
+pub(super) const LEAST_SHARE: f64 = 1e-3;
+/// Most rounds of the iteration.
+const ROUNDS: usize = 24;
+/// A lip is where it belongs if it is no further off than this share of the half gap.
+const CLOSE: f64 = 0.005;
+/// No particle is further out than so many half gaps, nor further in.
+const MOST: [f64; 2] = [-1.0, 2.0];
+
+/// Scratch of [`displace_slit`], kept between updates.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lens {
+    marks: Vec<Marked>,
+    /// By particle, its place among `marks`; all [`NONE`] between uses.
+    place_of: Vec<u32>,
+}
+
+const NONE: u32 = u32::MAX;
+
+/// A wound particle of the slit.
+#[derive(Clone, Copy, Debug)]
+struct Marked {
+    particle: ParticleId,
+    anchor: VertexId,
+    /// Unit vector away from the slit.
+    outwards: DVec3,
+    /// How far out the lip belongs, and how far out the particle is set, metres.
+    lip: f64,
+    set: f64,
+    /// How far the lip is off that, how far the particle goes for it, and how much of all lips' ways it is asked for.
+    off: f64,
+    step: f64,
+    drawn: f64,
+}
+
+/// How a slit stands open.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Opening {
+    /// The slit's first strip.
+    pub(super) start: usize,
+    /// It stands open along its first so many metres.
+    pub(super) open: f64,
+    /// Whether the lips meet where that ends.
+    pub(super) is_shut: bool,
+    /// Whether the blade has left it.
+    pub(super) is_done: bool,
+}
+
+/// Marks of the slit that starts at strip `start` and goes on to the newest strip.
+pub(super) fn slit_marks(strips: &Strips, start: usize) -> impl Iterator<Item = &WoundMark> {
+    strips.wounds().iter().rev().take_while(move |m| m.strip as usize >= start)
+}
+
+impl Lens {
+    /// Makes room for so many particles.
+    pub(super) fn make_room(&mut self, particles: usize) {
+        fit(&mut self.place_of, particles, NONE);
+        self.marks.reserve(particles);
+    }
+
+    /// Sets the rest displacements of a slit: a parabola along its open metres, closed behind. It is half the gap at the middle and nothing at
+    /// the ends; an end where lips do not meet is as wide as the middle would be. The start is shut if a wound particle holds it. Tells
+    /// the particles whose displacement changed.
+    pub(super) fn displace_slit(
+        &mut self,
+        map: &mut ParticleMap,
+        strips: &Strips,
+        wound: &WoundSettings,
+        opening: Opening,
+        mut changed: impl FnMut(ParticleId),
+    ) {
+        let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * opening.open);
+        self.list(map, strips, wound, opening, half_gap);
+        let rounds = if opening.is_done && half_gap > 0.0 { ROUNDS } else { 0 };
+        for _ in 0..rounds {
+            if !self.round(map, CLOSE * half_gap, half_gap) {
+                break;
+            }
+        }
+        for m in &self.marks {
+            self.place_of[m.particle.index()] = NONE;
+            let least = LEAST_SHARE * wound.gap;
+            let share = if m.set.abs() < least { least } else { m.set };
+            let u0 = (m.outwards * share).to_array();
+            if map.rest_displacement[m.particle.index()] != u0 && u0 != [0.0; 3] {
+                map.rest_displacement.set(m.particle.index(), u0);
+                changed(m.particle);
+            }
+        }
+    }
+
+    /// Collects the slit's live wound particles, where their lips belong and where they are set.
+    fn list(&mut self, map: &ParticleMap, strips: &Strips, wound: &WoundSettings, opening: Opening, half_gap: f64) {
+        let Opening { start, open, is_shut, .. } = opening;
+        let place = |mark: &WoundMark| strips.stretch(mark.strip as usize).0 + mark.along;
+        let profile: fn(f64) -> f64 = match (slit_marks(strips, start).any(|m| place(m) < 0.5 * wound.spacing), is_shut) {
+            (true, true) => |x| 4.0 * x * (1.0 - x),
+            (true, false) => |x| x * (2.0 - x),
+            (false, true) => |x| 1.0 - x * x,
+            (false, false) => |_| 1.0,
+        };
+        fit(&mut self.place_of, map.len(), NONE);
+        self.marks.clear();
+        for mark in slit_marks(strips, start) {
+            let (particle, k) = (mark.particle, mark.strip as usize);
+            let Some(&anchor) = map.anchors.get(particle.index()).filter(|a| a.is_some()) else { continue };
+            if strips.as_slice()[k].slit != strips.as_slice()[start].slit {
+                continue;
+            }
+            let x = if open > 0.0 { place(mark) / open } else { f64::INFINITY };
+            let share = if x <= 1.0 { profile(x) } else { f64::from(u8::from(!is_shut)) };
+            let outwards = strips.geometry(k).normal() * f64::from(mark.side);
+            let lip = half_gap * share;
+            self.place_of[particle.index()] = self.marks.len() as u32;
+            self.marks.push(Marked { particle, anchor, outwards, lip, set: lip, off: 0.0, step: 0.0, drawn: 0.0 });
+        }
+    }
+
+    /// One round. False if no lip is off by more than `close`.
+    fn round(&mut self, map: &ParticleMap, close: f64, half_gap: f64) -> bool {
+        let mut most = 0.0f64;
+        for i in 0..self.marks.len() {
+            let Marked { anchor, outwards, lip, .. } = self.marks[i];
+            let off =
+                lip - self.own(map, anchor).map(|(k, weight)| self.marks[k].set * self.along(k, outwards) * weight).sum::<f64>();
+            self.marks[i].off = off;
+            most = most.max(off.abs());
+        }
+        if most <= close {
+            return false;
+        }
+        for i in 0..self.marks.len() {
+            let Marked { anchor, outwards, lip, off, .. } = self.marks[i];
+            // an end that gapes is seen more than a middle that is a little narrow
+            let weight = half_gap / (0.25 * half_gap + lip);
+            for influence in map.influences.row(anchor.index()) {
+                let k = self.place_of[influence.particle.index()];
+                if k != NONE {
+                    let share = self.along(k as usize, outwards) * f64::from(influence.weight);
+                    let m = &mut self.marks[k as usize];
+                    m.step += share * weight * off;
+                    m.drawn += share.abs() * weight;
+                }
+            }
+        }
+        let largest = self.marks.iter().map(|m| m.drawn).fold(1.0, f64::max);
+        for m in &mut self.marks {
+            m.set = (m.set + m.step / largest).clamp(MOST[0] * half_gap, MOST[1] * half_gap);
+            (m.step, m.drawn) = (0.0, 0.0);
+        }
+        true
+    }
+
+    /// The slit's own particles that move a vertex, by their places, with their weights. What an older wound does to it is that one's.
+    fn own<'a>(&'a self, map: &'a ParticleMap, v: VertexId) -> impl Iterator<Item = (usize, f64)> + 'a {
+        let known = map.influences.row(v.index()).iter().map(|i| (self.place_of[i.particle.index()], f64::from(i.weight)));
+        known.filter(|(k, _)| *k != NONE).map(|(k, weight)| (k as usize, weight))
+    }
+
+    /// How much of a particle's way goes in a direction.
+    fn along(&self, k: usize, direction: DVec3) -> f64 {
+        self.marks[k].outwards.dot(direction)
+    }
+}
