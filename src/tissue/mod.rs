@@ -457,14 +457,21 @@ impl Tissue {
 
     /// Carries a posed point (tissue space) to rest space with the frame of vertex `v`.
     fn to_rest(&self, v: VertexId, p: DVec3) -> DVec3 {
-        let linear = self.linear(v);
-        let inverse = if linear.determinant().abs() > 1e-9 { linear.inverse() } else { glam::DMat3::IDENTITY };
-        self.rest[v.index()] + inverse * (p - self.position(v))
+        self.rest_frame(v)(p)
     }
 
-    /// Carries a rest-space point to the pose with the frame of vertex `v`: the way back of [`Tissue::to_rest`].
-    fn to_posed(&self, v: VertexId, rest: DVec3) -> DVec3 {
-        self.position(v) + self.linear(v) * (rest - self.rest[v.index()])
+    /// [`Tissue::to_rest`] of one vertex for many points.
+    fn rest_frame(&self, v: VertexId) -> impl Fn(DVec3) -> DVec3 + use<> {
+        let linear = self.linear(v);
+        let inverse = if linear.determinant().abs() > 1e-9 { linear.inverse() } else { glam::DMat3::IDENTITY };
+        let (rest, at) = (self.rest[v.index()], self.position(v));
+        move |p| rest + inverse * (p - at)
+    }
+
+    /// Carries rest-space points to the pose with the frame of vertex `v`: the way back of [`Tissue::to_rest`].
+    fn posed_frame(&self, v: VertexId) -> impl Fn(DVec3) -> DVec3 + use<> {
+        let (rest, at, linear) = (self.rest[v.index()], self.position(v), self.linear(v));
+        move |p| at + linear * (p - rest)
     }
 
     /// Brings the section bounds to the current pose: [`Tissue::blade_entry`] looks by them. Costs next to nothing while the pose stays.

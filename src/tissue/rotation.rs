@@ -270,7 +270,7 @@ mod tests {
         let rest = tissue.to_rest(v, tied);
         let (q, shift) = (DQuat::from_rotation_x(0.8), DVec3::Y);
         turn_all(&mut tissue, q, shift);
-        assert!(tissue.to_posed(v, rest).distance(q * tied + shift) < 1e-6);
+        assert!(tissue.posed_frame(v)(rest).distance(q * tied + shift) < 1e-6);
         assert!(tissue.to_rest(v, q * tied + shift).distance(rest) < 1e-6);
     }
 }

@@ -1,16 +1,73 @@
 //! What holds the blade's pending quads to moving tissue (MATHS 5.5).
 
-use super::{TearStroke, nearest_of, nearest_vertex};
+use super::{TearStroke, nearest_vertex};
 use crate::geometry::VertexId;
 use crate::tissue::Tissue;
 use glam::DVec3;
 
-/// A pending quad tied to the tissue by the frame of a vertex near it (MATHS 5.5).
+/// A quad goes with so many vertices: those at its end of the slot on both lips. One alone may hang by a bone that its neighbours do not.
+const TIED: usize = 4;
+
+/// A pending quad tied to the tissue by the frames of vertices near it, of which it takes the mean (MATHS 5.5): that keeps what is plane
+/// plane.
 pub(super) struct Tie {
     serial: u32,
-    vertex: VertexId,
-    rest: [DVec3; 4],
+    /// The first `count` of them.
+    vertices: [VertexId; TIED],
+    count: usize,
+    rest: [[DVec3; 4]; TIED],
     posed: [DVec3; 4],
+}
+
+impl Tie {
+    fn new(tissue: &Tissue, serial: u32, quad: [DVec3; 4], vertices: &[VertexId]) -> Self {
+        let mut tie =
+            Self { serial, vertices: [VertexId::NONE; TIED], count: 0, rest: [[DVec3::ZERO; 4]; TIED], posed: [DVec3::ZERO; 4] };
+        for (&v, i) in vertices.iter().zip(0..TIED) {
+            (tie.vertices[i], tie.count) = (v, i + 1);
+            let to_rest = tissue.rest_frame(v);
+            tie.rest[i] = quad.map(to_rest);
+        }
+        tie.posed = tie.corners(tissue);
+        tie
+    }
+
+    fn vertices(&self) -> &[VertexId] {
+        &self.vertices[..self.count]
+    }
+
+    /// Where the quad's corners are now.
+    fn corners(&self, tissue: &Tissue) -> [DVec3; 4] {
+        let mut sums = [DVec3::ZERO; 4];
+        for (&v, corners) in self.vertices().iter().zip(&self.rest) {
+            let to_posed = tissue.posed_frame(v);
+            sums.iter_mut().zip(corners).for_each(|(sum, &p)| *sum += to_posed(p));
+        }
+        sums.map(|sum| sum / self.count.max(1) as f64)
+    }
+}
+
+/// The live ones of `vertices` that are seen nearest to `p` and within `reach` of it, nearest first, each once: how many.
+fn nearest_few(
+    tissue: &Tissue,
+    vertices: &[VertexId],
+    (p, reach): (DVec3, f64),
+    position: &impl Fn(VertexId) -> DVec3,
+    few: &mut [VertexId; TIED],
+) -> usize {
+    let mut found = [(f64::INFINITY, VertexId::NONE); TIED];
+    for &v in vertices.iter().filter(|v| tissue.mesh.vertex_is_live(**v)) {
+        let near = (position(v).distance_squared(p), v);
+        let is_nearer = |a: (f64, VertexId), b: (f64, VertexId)| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)).is_lt();
+        if near.0 > reach * reach || found.contains(&near) || !is_nearer(near, found[TIED - 1]) {
+            continue;
+        }
+        let at = found.iter().position(|f| is_nearer(near, *f)).unwrap_or(TIED - 1);
+        found[at..].rotate_right(1);
+        found[at] = near;
+    }
+    *few = found.map(|f| f.1);
+    found.iter().filter(|f| f.1.is_some()).count()
 }
 
 impl TearStroke {
@@ -19,8 +76,7 @@ impl TearStroke {
         self.moved = false;
         for (serial, quad) in self.stroke.builder().pending_quads_mut() {
             let Some(tie) = self.ties.iter_mut().find(|t| t.serial == serial) else { continue };
-            for k in 0..4 {
-                let now = tissue.to_posed(tie.vertex, tie.rest[k]);
+            for (k, now) in tie.corners(tissue).into_iter().enumerate() {
                 if now != tie.posed[k] {
                     quad[k] += now - tie.posed[k];
                     tie.posed[k] = now;
@@ -31,7 +87,7 @@ impl TearStroke {
     }
 
     /// Ties the pending quads: one that a slit has just ended in to the slit's end, which the next strip has to start from, others to the
-    /// nearest live vertices. A tie whose vertex lives is kept, but for that.
+    /// nearest live vertices. A tie whose vertices live is kept, but for that.
     pub(super) fn tie_quads(&mut self, tissue: &Tissue) {
         let Self { stroke, ties, near, nearby, candidates, positions, ended, slits, .. } = self;
         nearby.clear();
@@ -45,7 +101,8 @@ impl TearStroke {
         for (serial, quad) in pending {
             let [tip, top] = [(quad[0] + quad[1]) / 2.0, (quad[2] + quad[3]) / 2.0];
             let end = slits.end_on(tissue, [tip, top]);
-            let keeps = |t: &Tie| tissue.mesh.vertex_is_live(t.vertex) && end.is_none_or(|v| v == t.vertex);
+            let is_there = |t: &Tie| t.vertices().iter().all(|v| tissue.mesh.vertex_is_live(*v));
+            let keeps = |t: &Tie| is_there(t) && end.is_none_or(|v| t.vertices() == [v]);
             let old = ties[kept..].iter().position(|t| t.serial == serial && keeps(t));
             if let Some(at) = old {
                 ties.swap(kept, kept + at);
@@ -55,11 +112,16 @@ impl TearStroke {
             // the blade may have gone elsewhere since the last box
             let reach = 2.0 * quad[0].distance(quad[2]);
             let seen = |v| positions.of(tissue, v);
-            let close = nearest_of(tissue, nearby, top, &seen).filter(|&v| seen(v).distance(top) <= reach);
-            let nearest = || close.or_else(|| nearest_vertex(tissue, candidates, top, &seen));
-            if let Some(vertex) = end.or_else(nearest).or_else(|| tissue.any_vertex_near(top)) {
-                let rest = quad.map(|p| tissue.to_rest(vertex, p));
-                ties.insert(kept, Tie { serial, vertex, rest, posed: rest.map(|p| tissue.to_posed(vertex, p)) });
+            let mut few = [VertexId::NONE; TIED];
+            let count = match end {
+                Some(_) => 0,
+                None => nearest_few(tissue, nearby, (top, reach), &seen, &mut few),
+            };
+            let nearest = || nearest_vertex(tissue, candidates, top, &seen).or_else(|| tissue.any_vertex_near(top));
+            let one = if count == 0 { end.or_else(nearest) } else { None };
+            let vertices = if count > 0 { &few[..count] } else { one.as_slice() };
+            if !vertices.is_empty() {
+                ties.insert(kept, Tie::new(tissue, serial, *quad, vertices));
                 kept += 1;
             }
         }
