@@ -10,7 +10,7 @@
 @group(1) @binding(7) var texture_sampler: sampler;
 
 const WALL: u32 = 1u;
-// A sliver of wall between vertices of a lip, no wider than a lip: nothing but lip.
+// A sliver of wall along a lip, no wider than that: nothing but lip.
 const RIM: u32 = 2u;
 
 struct Corner {
@@ -50,8 +50,16 @@ fn width_of(t: u32, face: u32) -> f32 {
     return length(cross(p[1] - p[0], p[2] - p[0])) / max(max(sides.x, max(sides.y, sides.z)), 1e-30);
 }
 
-fn is_on_lip(t: u32, face: u32, k: u32) -> bool {
-    return deformed[tissues[t].normals + faces[face].wedges[k]].w == 0.0;
+// True for a face of a wall with two sides on the skin and no wider than a lip.
+fn is_rim(t: u32, face: u32) -> bool {
+    var sides = 0u;
+    for (var k = 0u; k < 3u; k++) {
+        let h = faces[face].opposites[k];
+        if (h != NONE && (faces[tissues[t].faces + h / 3u].draw >> 31u) == 0u) {
+            sides++;
+        }
+    }
+    return sides > 1u && width_of(t, face) * tissues[t].detail_scale < LIP_WIDTH;
 }
 
 @vertex
@@ -77,10 +85,7 @@ fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> 
     out.colour = unpack4x8unorm(wedge.colour);
     out.material = tissues[t].materials + min(draw & 0xffffu, tissues[t].material_count - 1u);
     if ((draw >> 31u) != 0u) {
-        out.flags = WALL;
-        if (out.lip == 0.0 && is_on_lip(t, face, 0u) && is_on_lip(t, face, 1u) && is_on_lip(t, face, 2u)) {
-            out.flags |= select(0u, RIM, width_of(t, face) * tissues[t].detail_scale < LIP_WIDTH);
-        }
+        out.flags = WALL | select(0u, RIM, is_rim(t, face));
     }
     out.view = view;
     out.clip = frame.views[view].clip_from_world * vec4f(out.position, 1.0);
