@@ -25,7 +25,7 @@ impl TearScratch {
         self.removed.reserve(room);
         self.added.reserve(2 * room);
         self.split.reserve(room);
-        self.incident.reserve(room);
+        self.incident.reserve(4 * room);
         self.vertices.reserve(room);
         self.zero.reserve(room);
         self.topology.make_room(room);
