@@ -61,8 +61,8 @@ pub struct WoundSettings {
     pub spacing: f64,
     /// Radius of influence, metres, at most that of ordinary particles: how far from the lip the opening is felt.
     pub radius: f64,
-    /// Weight of a wound particle over that of an ordinary one at the same fraction of its radius: above 1, so that the
-    /// lip follows its wound particles and not the resting ones behind it.
+    /// Weight of a wound particle over that of an ordinary one at the same fraction of its radius. Above 1 it moves all within its radius
+    /// more alike, and skin folds beyond that where wounds open wide.
     pub strength: f64,
     /// How far behind an advancing blade the slit stays closed, metres; it opens there once the blade has left.
     pub front: f64,
