@@ -128,3 +128,52 @@ impl TearStroke {
         ties.truncate(kept);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tissue::TissueSettings;
+
+    fn tissue(model: &str) -> Tissue {
+        let settings =
+            TissueSettings { particles: None, network: Default::default(), opening_s: 0.2, section_faces: 64, fade_s: 0.25 };
+        Tissue::new(crate::formats::load(model).unwrap(), &settings).unwrap()
+    }
+
+    #[test]
+    fn the_nearest_few_come_in_order_each_once_and_within_reach() {
+        let tissue = tissue("beam");
+        let all: Vec<VertexId> = tissue.mesh.live_vertices().collect();
+        let twice: Vec<VertexId> = all.iter().rev().chain(&all).copied().collect();
+        let p = DVec3::new(0.01, 0.03, 0.02);
+        let away = |v: &VertexId| tissue.position(*v).distance(p);
+        let mut sorted = all.clone();
+        sorted.sort_by(|a, b| away(a).total_cmp(&away(b)).then(a.cmp(b)));
+        let mut few = [VertexId::NONE; TIED];
+        let seen = |v| tissue.position(v);
+        assert_eq!(nearest_few(&tissue, &twice, (p, f64::INFINITY), &seen, &mut few), TIED);
+        assert_eq!(few[..], sorted[..TIED]);
+        let reach = 0.5 * (away(&sorted[0]) + away(&sorted[TIED - 1]));
+        let within = sorted.iter().filter(|v| away(v) <= reach).count();
+        assert_eq!(nearest_few(&tissue, &twice, (p, reach), &seen, &mut few), within);
+        assert!((1..TIED).contains(&within) && few[..within] == sorted[..within]);
+    }
+
+    /// Vertices that hang by different bones carry a quad to places of their own; their mean is as flat as what it was.
+    #[test]
+    fn a_tied_quad_stays_plane_while_the_tissue_bends() {
+        let mut tissue = tissue("beam");
+        let quad = [[0.0, 0.0, 0.0], [0.0, 0.01, 0.001], [0.02, 0.01, 0.001], [0.02, 0.0, 0.0]].map(DVec3::from_array);
+        let (low, high) = tissue.bounds();
+        let at = |share: f64| tissue.any_vertex_near(low.lerp(high, share)).unwrap();
+        let vertices = [at(0.2), at(0.45), at(0.7), at(0.9)];
+        let tie = Tie::new(&tissue, 0, quad, &vertices);
+        let animation = tissue.rig.animation_by_name("bend");
+        tissue.set_pose(0.3, animation, 0.3);
+        let height = |q: [DVec3; 4]| (q[1] - q[0]).cross(q[3] - q[0]).normalize().dot(q[2] - q[0]).abs();
+        let (mean, one) = (tie.corners(&tissue), quad.map(|p| tissue.posed_frame(vertices[3])(p)));
+        assert!(mean.iter().zip(quad).any(|(a, b)| a.distance(b) > 1e-3), "the tissue has moved");
+        assert!(mean.iter().zip(one).any(|(a, b)| a.distance(b) > 1e-3), "and not all alike");
+        assert!(height(mean) < 1e-12, "{}", height(mean));
+    }
+}
