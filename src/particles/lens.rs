@@ -23,7 +23,7 @@ const CLOSE: f64 = 0.005;
 /// No particle is further out than so many half gaps, nor further in.
 const MOST: [f64; 2] = [-1.0, 2.0];
 
-/// Scratch of [`displace_slit`], kept between updates.
+/// Scratch of [`Lens::displace_slit`], kept between updates.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lens {
     marks: Vec<Marked>,
