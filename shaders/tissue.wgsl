@@ -12,8 +12,6 @@
 const WALL: u32 = 1u;
 // A sliver of wall along a lip, no wider than that: nothing but lip.
 const RIM: u32 = 2u;
-// Its side between two corners on a lip leads through the wall, from one lip to another: no lip.
-const BRIDGE: u32 = 4u;
 
 struct Corner {
     @builtin(position) clip: vec4f,
@@ -52,19 +50,16 @@ fn width_of(t: u32, face: u32) -> f32 {
     return length(cross(p[1] - p[0], p[2] - p[0])) / max(max(sides.x, max(sides.y, sides.z)), 1e-30);
 }
 
-// How a face of a wall lies to the lip: RIM with two sides on the skin and no wider than a lip, BRIDGE if it has none there but two corners.
-fn at_lip(t: u32, face: u32) -> u32 {
+// True for a face of a wall with two sides on the skin and no wider than a lip.
+fn is_rim(t: u32, face: u32) -> bool {
     var sides = 0u;
-    var corners = 0u;
     for (var k = 0u; k < 3u; k++) {
         let h = faces[face].opposites[k];
-        sides += u32(h != NONE && (faces[tissues[t].faces + h / 3u].draw >> 31u) == 0u);
-        corners += u32(deformed[tissues[t].normals + faces[face].wedges[k]].w == 0.0);
+        if (h != NONE && (faces[tissues[t].faces + h / 3u].draw >> 31u) == 0u) {
+            sides++;
+        }
     }
-    if (sides == 0u) {
-        return select(0u, BRIDGE, corners > 1u);
-    }
-    return select(0u, RIM, sides > 1u && width_of(t, face) * tissues[t].detail_scale < LIP_WIDTH);
+    return sides > 1u && width_of(t, face) * tissues[t].detail_scale < LIP_WIDTH;
 }
 
 @vertex
@@ -90,7 +85,7 @@ fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> 
     out.colour = unpack4x8unorm(wedge.colour);
     out.material = tissues[t].materials + min(draw & 0xffffu, tissues[t].material_count - 1u);
     if ((draw >> 31u) != 0u) {
-        out.flags = WALL | at_lip(t, face);
+        out.flags = WALL | select(0u, RIM, is_rim(t, face));
     }
     out.view = view;
     out.clip = frame.views[view].clip_from_world * vec4f(out.position, 1.0);
@@ -258,7 +253,7 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     let relief = gradient * (max(s.wetness, 0.35) * scale);
     s.film_normal = tilt(s.normal, relief, position_x, position_y, rest_x, rest_y);
     s.normal = normalize(mix(s.normal, s.film_normal, 0.45));
-    if (front && in.lip < 4.0 * LIP_WIDTH && (in.flags & BRIDGE) == 0u) {
+    if (front && in.lip < 4.0 * LIP_WIDTH) {
         lip(&s, in.lip, vec2f(lip_x, lip_y), position_x, position_y, scale, in.flags);
     }
     return finish(shade(s), in.clip.xy);
