@@ -1,8 +1,8 @@
 //! Wound particles: they draw the lips of a slit apart (MATHS 3.3; the paper's 3.3.4).
 //!
 //! They sit on lip vertices at even distances along the slit and rest displaced along the strip's normal, away from the
-//! slit. The displacement follows a parabola over the slit's length, so the wound is a lens with pointed ends, or stands open where
-//! lips do not meet; it is set anew for the whole slit whenever the slit grows. Near an advancing blade it stays closed, so that the blade
+//! slit: a lens with pointed ends, or one that stands open where lips do not meet ([`super::lens`]). It is set anew for the whole slit
+//! whenever the slit grows, and for good once the blade has left. Near an advancing blade it stays closed, so that the blade
 //! goes on through skin that its own wound does not pull aside.
 
 use super::lens::{LEAST_SHARE, Opening, slit_marks};
