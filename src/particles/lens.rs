@@ -29,7 +29,11 @@ pub(super) struct Lens {
     marks: Vec<Marked>,
     /// By particle, its place among `marks`; all [`NONE`] between uses.
     place_of: Vec<u32>,
+    shares: Vec<Share>,
 }
+
+/// Particles of a slit that move one of its lips, mostly fewer.
+const SHARES: usize = 16;
 
 const NONE: u32 = u32::MAX;
 
@@ -43,10 +47,24 @@ struct Marked {
     /// How far out the lip belongs, and how far out the particle is set, metres.
     lip: f64,
     set: f64,
-    /// How far the lip is off that, how far the particle goes for it, and how much of all lips' ways it is asked for.
+    /// How far the lip is off that, and how far the particle goes for all lips that are.
     off: f64,
     step: f64,
-    drawn: f64,
+}
+
+impl Marked {
+    /// What the lip counts for: an end that gapes is seen more than a middle that is a little narrow.
+    fn weight(&self, half_gap: f64) -> f64 {
+        half_gap / (0.25 * half_gap + self.lip)
+    }
+}
+
+/// How far a particle of the slit, by its place among the marks, moves the lip of another along that one's way, over how far it is set.
+#[derive(Clone, Copy, Debug)]
+struct Share {
+    lip: u32,
+    particle: u32,
+    share: f64,
 }
 
 /// How a slit stands open.
@@ -72,6 +90,7 @@ impl Lens {
     pub(super) fn make_room(&mut self, particles: usize) {
         fit(&mut self.place_of, particles, NONE);
         self.marks.reserve(particles);
+        self.shares.reserve(SHARES * particles);
     }
 
     /// Sets the rest displacements of a slit: a parabola along its open metres, closed behind. It is half the gap at the middle and nothing at
@@ -88,8 +107,9 @@ impl Lens {
         let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * opening.open);
         self.list(map, strips, wound, opening, half_gap);
         let rounds = if opening.is_done && half_gap > 0.0 { ROUNDS } else { 0 };
+        let pace = if rounds > 0 { self.weigh(map, half_gap) } else { 0.0 };
         for _ in 0..rounds {
-            if !self.round(map, CLOSE * half_gap, half_gap) {
+            if !self.round(half_gap, pace) {
                 break;
             }
         }
@@ -128,53 +148,51 @@ impl Lens {
             let outwards = strips.geometry(k).normal() * f64::from(mark.side);
             let lip = half_gap * share;
             self.place_of[particle.index()] = self.marks.len() as u32;
-            self.marks.push(Marked { particle, anchor, outwards, lip, set: lip, off: 0.0, step: 0.0, drawn: 0.0 });
+            self.marks.push(Marked { particle, anchor, outwards, lip, set: lip, off: 0.0, step: 0.0 });
         }
     }
 
-    /// One round. False if no lip is off by more than `close`.
-    fn round(&mut self, map: &ParticleMap, close: f64, half_gap: f64) -> bool {
-        let mut most = 0.0f64;
-        for i in 0..self.marks.len() {
-            let Marked { anchor, outwards, lip, .. } = self.marks[i];
-            let off =
-                lip - self.own(map, anchor).map(|(k, weight)| self.marks[k].set * self.along(k, outwards) * weight).sum::<f64>();
-            self.marks[i].off = off;
-            most = most.max(off.abs());
-        }
-        if most <= close {
-            return false;
-        }
-        for i in 0..self.marks.len() {
-            let Marked { anchor, outwards, lip, off, .. } = self.marks[i];
-            // an end that gapes is seen more than a middle that is a little narrow
-            let weight = half_gap / (0.25 * half_gap + lip);
-            for influence in map.influences.row(anchor.index()) {
+    /// Collects what moves each lip, and how far the iteration may go in a round.
+    fn weigh(&mut self, map: &ParticleMap, half_gap: f64) -> f64 {
+        self.shares.clear();
+        for (i, lip) in self.marks.iter().enumerate() {
+            // what an older wound does to the lip is that one's
+            for influence in map.influences.row(lip.anchor.index()) {
                 let k = self.place_of[influence.particle.index()];
-                if k != NONE {
-                    let share = self.along(k as usize, outwards) * f64::from(influence.weight);
-                    let m = &mut self.marks[k as usize];
-                    m.step += share * weight * off;
-                    m.drawn += share.abs() * weight;
+                if let Some(m) = self.marks.get(k as usize) {
+                    let share = m.outwards.dot(lip.outwards) * f64::from(influence.weight);
+                    self.shares.push(Share { lip: i as u32, particle: k, share });
                 }
             }
         }
-        let largest = self.marks.iter().map(|m| m.drawn).fold(1.0, f64::max);
+        for &Share { lip, particle, share } in &self.shares {
+            let weight = self.marks[lip as usize].weight(half_gap);
+            self.marks[particle as usize].step += share.abs() * weight;
+        }
+        let largest = self.marks.iter().map(|m| m.step).fold(1.0, f64::max);
+        1.0 / largest
+    }
+
+    /// One round. False if no lip is off by more than [`CLOSE`].
+    fn round(&mut self, half_gap: f64, pace: f64) -> bool {
         for m in &mut self.marks {
-            m.set = (m.set + m.step / largest).clamp(MOST[0] * half_gap, MOST[1] * half_gap);
-            (m.step, m.drawn) = (0.0, 0.0);
+            (m.off, m.step) = (m.lip, 0.0);
+        }
+        for &Share { lip, particle, share } in &self.shares {
+            self.marks[lip as usize].off -= self.marks[particle as usize].set * share;
+        }
+        if self.marks.iter().all(|m| m.off.abs() <= CLOSE * half_gap) {
+            return false;
+        }
+        for m in &mut self.marks {
+            m.off *= m.weight(half_gap);
+        }
+        for &Share { lip, particle, share } in &self.shares {
+            self.marks[particle as usize].step += share * self.marks[lip as usize].off;
+        }
+        for m in &mut self.marks {
+            m.set = (m.set + m.step * pace).clamp(MOST[0] * half_gap, MOST[1] * half_gap);
         }
         true
-    }
-
-    /// The slit's own particles that move a vertex, by their places, with their weights. What an older wound does to it is that one's.
-    fn own<'a>(&'a self, map: &'a ParticleMap, v: VertexId) -> impl Iterator<Item = (usize, f64)> + 'a {
-        let known = map.influences.row(v.index()).iter().map(|i| (self.place_of[i.particle.index()], f64::from(i.weight)));
-        known.filter(|(k, _)| *k != NONE).map(|(k, weight)| (k as usize, weight))
-    }
-
-    /// How much of a particle's way goes in a direction.
-    fn along(&self, k: usize, direction: DVec3) -> f64 {
-        self.marks[k].outwards.dot(direction)
     }
 }
