@@ -32,7 +32,9 @@ pub(super) struct Lens {
     shares: Vec<Share>,
 }
 
-/// Particles of a slit that move one of its lips, mostly fewer.
+/// Particles of a slit that there is room for at first, more than [`WoundSettings::max_particles`] mostly is, and of those that move one of
+/// its lips.
+const MARKS: usize = 256;
 const SHARES: usize = 16;
 
 const NONE: u32 = u32::MAX;
@@ -86,11 +88,11 @@ pub(super) fn slit_marks(strips: &Strips, start: usize) -> impl Iterator<Item = 
 }
 
 impl Lens {
-    /// Makes room for so many particles.
+    /// Makes room for a usual slit in a map of so many particles.
     pub(super) fn make_room(&mut self, particles: usize) {
         fit(&mut self.place_of, particles, NONE);
-        self.marks.reserve(particles);
-        self.shares.reserve(SHARES * particles);
+        self.marks.reserve(MARKS);
+        self.shares.reserve(SHARES * MARKS);
     }
 
     /// Sets the rest displacements of a slit: a parabola along its open metres, closed behind. It is half the gap at the middle and nothing at
@@ -106,11 +108,12 @@ impl Lens {
     ) {
         let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * opening.open);
         self.list(map, strips, wound, opening, half_gap);
-        let rounds = if opening.is_done && half_gap > 0.0 { ROUNDS } else { 0 };
-        let pace = if rounds > 0 { self.weigh(map, half_gap) } else { 0.0 };
-        for _ in 0..rounds {
-            if !self.round(half_gap, pace) {
-                break;
+        if opening.is_done && half_gap > 0.0 {
+            let pace = self.weigh(map, half_gap);
+            for _ in 0..ROUNDS {
+                if !self.round(half_gap, pace) {
+                    break;
+                }
             }
         }
         for m in &self.marks {

@@ -124,7 +124,6 @@ pub fn update_after_edit(
         update.link_particles(moved);
         update.adopt_orphans();
         update.write_rows();
-        wound::open_slits(&mut update);
     }
     update.finish()
 }

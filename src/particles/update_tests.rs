@@ -149,6 +149,12 @@ impl Patient {
         Some(NewVertex { vertex: m, parents: [a, b, VertexId::NONE], is_apart: false })
     }
 
+    /// The blade leaves the newest slit.
+    fn release(&mut self) {
+        let Self { mesh, rest, map, strips, settings, scratch } = self;
+        release_slit((mesh, rest), map, strips, settings, scratch);
+    }
+
     /// How far its particles move a vertex when they rest.
     fn moved(&self, v: VertexId) -> DVec3 {
         let row = self.map.influences.row(v.index());
@@ -349,8 +355,7 @@ fn a_wound_opens_like_a_lens() {
     let mut patient = Patient::new(test_models::grid(60, 0.0, 1), settings(0.1, gap));
     let wound = patient.slit(0.5, 0.3, 0.7, 4);
     patient.update(&wound);
-    let Patient { mesh, rest, map, strips, settings, scratch } = &mut patient;
-    release_slit((mesh, rest), map, strips, settings, scratch);
+    patient.release();
     let opening = |x: f64| -> f64 {
         let lips = wound.lips.iter().filter(|l| (patient.rest[l.vertex.index()].x - x).abs() < 1e-9);
         let sides: Vec<f64> = lips.map(|l| -f64::from(l.side) * patient.moved(l.vertex).y).collect();
@@ -377,8 +382,7 @@ fn the_lips_are_on_the_lens_and_not_their_particles() {
     let mut patient = Patient::new(test_models::grid(60, 0.0, 1), settings(0.1, 2.0 * half_gap));
     let wound = patient.slit(0.5, from, from + length, 4);
     patient.update(&wound);
-    let Patient { mesh, rest, map, strips, settings, scratch } = &mut patient;
-    release_slit((mesh, rest), map, strips, settings, scratch);
+    patient.release();
     let lens = |m: &WoundMark, patient: &Patient| {
         let x = (patient.rest[patient.map.anchors[m.particle.index()].index()].x - from) / length;
         half_gap * 4.0 * x * (1.0 - x)
@@ -403,8 +407,7 @@ fn a_wound_is_shut_where_its_lips_meet() {
         let mut patient = Patient::new(test_models::grid(60, 0.0, 1), settings(0.1, 0.04));
         let wound = patient.slit(0.5, x0, x1, 4);
         patient.update(&wound);
-        let Patient { mesh, rest, map, strips, settings, scratch } = &mut patient;
-        release_slit((mesh, rest), map, strips, settings, scratch);
+        patient.release();
         patient.validate();
         let Patient { rest, map, strips, .. } = &patient;
         let anchor = |m: &WoundMark| map.anchors[m.particle.index()];

@@ -39,7 +39,7 @@ fn stretch_of_lips(update: &Update<'_, '_>, k: usize) -> (f64, f64) {
     places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), t| (low.min(t), high.max(t)))
 }
 
-/// Adds wound particles to the lips of the new strips.
+/// Adds wound particles to the lips of the new strips and sets the rest displacements of their slits.
 pub(super) fn add_particles(update: &mut Update<'_, '_>) {
     let wound = update.settings.wound;
     let strips = update.edit.new_strips.clone();
@@ -72,27 +72,15 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
             offset = end;
             k += 1;
         }
+        let open = (offset - wound.front).max(0.0);
+        displace(update, Opening { start, open, is_shut: true, is_done: false });
     }
 }
 
-/// Sets the rest displacements of the slits that the new strips belong to, after the rows are written.
-pub(super) fn open_slits(update: &mut Update<'_, '_>) {
-    let Update { map, strips, edit, settings, scratch, report, .. } = update;
-    let (wound, last) = (settings.wound, edit.new_strips.end.min(strips.len()));
-    if wound.gap <= 0.0 {
-        return;
-    }
-    let mut first = edit.new_strips.start;
-    while first < last {
-        let slit = strips.as_slice()[first].slit;
-        let next = (first..last).find(|&k| strips.as_slice()[k].slit != slit).unwrap_or(last);
-        let newest = (first..next).rev().find(|&k| !strips.as_slice()[k].is_beside());
-        let length = newest.map_or(strips.stretch(first).0, |k| strips.stretch(k).0 + strips.stretch(k).1);
-        let open = (length - wound.front).max(0.0);
-        let opening = Opening { start: strips.slit_start(first), open, is_shut: true, is_done: false };
-        scratch.lens.displace_slit(map, strips, &wound, opening, |j| report.particles_changed.push(j));
-        first = next;
-    }
+/// Sets the rest displacements of a slit and notes whose have changed.
+fn displace(update: &mut Update<'_, '_>, opening: Opening) {
+    let (lens, changed) = (&mut update.scratch.lens, &mut update.report.particles_changed);
+    lens.displace_slit(update.map, update.strips, &update.settings.wound, opening, |j| changed.push(j));
 }
 
 /// True if the lips of strip `k`, whose [`stretch_of_lips`] is given, meet at its start, or at its end: from the outermost lip skin leads to the other side. Over a border,
@@ -206,9 +194,7 @@ pub fn release_slit(
         update.link_particles(0);
         update.write_rows();
     }
-    let opening = Opening { start, open: before + length, is_shut, is_done: true };
-    let (lens, changed) = (&mut update.scratch.lens, &mut update.report.particles_changed);
-    lens.displace_slit(update.map, update.strips, &wound, opening, |j| changed.push(j));
+    displace(&mut update, Opening { start, open: before + length, is_shut, is_done: true });
     let report = update.finish();
     scratch.lips = lips;
     report

@@ -455,12 +455,7 @@ impl Tissue {
         self.layer.as_ref().is_none_or(at_rest) && !self.fades.running(self.time_s)
     }
 
-    /// Carries a posed point (tissue space) to rest space with the frame of vertex `v`.
-    fn to_rest(&self, v: VertexId, p: DVec3) -> DVec3 {
-        self.rest_frame(v)(p)
-    }
-
-    /// [`Tissue::to_rest`] of one vertex for many points.
+    /// Carries posed points (tissue space) to rest space with the frame of vertex `v`.
     fn rest_frame(&self, v: VertexId) -> impl Fn(DVec3) -> DVec3 + use<> {
         let linear = self.linear(v);
         let inverse = if linear.determinant().abs() > 1e-9 { linear.inverse() } else { glam::DMat3::IDENTITY };
@@ -468,7 +463,7 @@ impl Tissue {
         move |p| rest + inverse * (p - at)
     }
 
-    /// Carries rest-space points to the pose with the frame of vertex `v`: the way back of [`Tissue::to_rest`].
+    /// Carries rest-space points to the pose with the frame of vertex `v`: the way back of [`Tissue::rest_frame`].
     fn posed_frame(&self, v: VertexId) -> impl Fn(DVec3) -> DVec3 + use<> {
         let (rest, at, linear) = (self.rest[v.index()], self.position(v), self.linear(v));
         move |p| at + linear * (p - rest)

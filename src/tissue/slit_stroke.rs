@@ -285,7 +285,7 @@ pub(in crate::tissue) fn bind_slit(
 /// Two points carried to rest space by the surface vertex nearest to the second.
 pub(in crate::tissue) fn at_rest(tissue: &Tissue, faces: &[FaceId], [tip, top]: [DVec3; 2]) -> [DVec3; 2] {
     match nearest_vertex(tissue, faces, top, &|v| tissue.position(v)) {
-        Some(v) => [tip, top].map(|p| tissue.to_rest(v, p)),
+        Some(v) => [tip, top].map(tissue.rest_frame(v)),
         None => [tip, top],
     }
 }

@@ -564,7 +564,7 @@ impl TearStroke {
         let highest = self.near.iter().filter(|v| tissue.mesh.vertex_is_live(**v)).map(share).fold(0.0, f64::max);
         let top = if highest > 0.0 && highest < 0.5 { tip.lerp(top, 2.0 * highest) } else { top };
         match nearest_of(tissue, &self.near, top, &seen).or_else(|| nearest_vertex(tissue, &self.candidates, top, &seen)) {
-            Some(v) => [tip, top].map(|p| tissue.to_rest(v, p)),
+            Some(v) => [tip, top].map(tissue.rest_frame(v)),
             None => [tip, top],
         }
     }

@@ -12,49 +12,46 @@ const TIED: usize = 4;
 /// plane.
 pub(super) struct Tie {
     serial: u32,
-    /// The first `count` of them.
-    vertices: [VertexId; TIED],
-    count: usize,
+    vertices: Few,
+    /// The quad at rest, for each of the vertices.
     rest: [[DVec3; 4]; TIED],
     posed: [DVec3; 4],
 }
 
+/// Vertices, then [`VertexId::NONE`].
+type Few = [VertexId; TIED];
+
+fn only(v: VertexId) -> Few {
+    let mut few = [VertexId::NONE; TIED];
+    few[0] = v;
+    few
+}
+
 impl Tie {
-    fn new(tissue: &Tissue, serial: u32, quad: [DVec3; 4], vertices: &[VertexId]) -> Self {
-        let mut tie =
-            Self { serial, vertices: [VertexId::NONE; TIED], count: 0, rest: [[DVec3::ZERO; 4]; TIED], posed: [DVec3::ZERO; 4] };
-        for (&v, i) in vertices.iter().zip(0..TIED) {
-            (tie.vertices[i], tie.count) = (v, i + 1);
-            let to_rest = tissue.rest_frame(v);
-            tie.rest[i] = quad.map(to_rest);
-        }
+    fn new(tissue: &Tissue, serial: u32, quad: [DVec3; 4], vertices: Few) -> Self {
+        let at_rest = |v: VertexId| if v.is_some() { quad.map(tissue.rest_frame(v)) } else { quad };
+        let mut tie = Self { serial, vertices, rest: vertices.map(at_rest), posed: quad };
         tie.posed = tie.corners(tissue);
         tie
     }
 
-    fn vertices(&self) -> &[VertexId] {
-        &self.vertices[..self.count]
+    fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
+        self.vertices.iter().copied().take_while(|v| v.is_some())
     }
 
     /// Where the quad's corners are now.
     fn corners(&self, tissue: &Tissue) -> [DVec3; 4] {
         let mut sums = [DVec3::ZERO; 4];
-        for (&v, corners) in self.vertices().iter().zip(&self.rest) {
+        for (v, corners) in self.vertices().zip(&self.rest) {
             let to_posed = tissue.posed_frame(v);
             sums.iter_mut().zip(corners).for_each(|(sum, &p)| *sum += to_posed(p));
         }
-        sums.map(|sum| sum / self.count.max(1) as f64)
+        sums.map(|sum| sum / self.vertices().count() as f64)
     }
 }
 
-/// The live ones of `vertices` that are seen nearest to `p` and within `reach` of it, nearest first, each once: how many.
-fn nearest_few(
-    tissue: &Tissue,
-    vertices: &[VertexId],
-    (p, reach): (DVec3, f64),
-    position: &impl Fn(VertexId) -> DVec3,
-    few: &mut [VertexId; TIED],
-) -> usize {
+/// The live ones of `vertices` that are seen nearest to `p` and within `reach` of it, nearest first, each once.
+fn nearest_few(tissue: &Tissue, vertices: &[VertexId], (p, reach): (DVec3, f64), position: &impl Fn(VertexId) -> DVec3) -> Few {
     let mut found = [(f64::INFINITY, VertexId::NONE); TIED];
     for &v in vertices.iter().filter(|v| tissue.mesh.vertex_is_live(**v)) {
         let near = (position(v).distance_squared(p), v);
@@ -66,8 +63,7 @@ fn nearest_few(
         found[at..].rotate_right(1);
         found[at] = near;
     }
-    *few = found.map(|f| f.1);
-    found.iter().filter(|f| f.1.is_some()).count()
+    found.map(|f| f.1)
 }
 
 impl TearStroke {
@@ -101,8 +97,8 @@ impl TearStroke {
         for (serial, quad) in pending {
             let [tip, top] = [(quad[0] + quad[1]) / 2.0, (quad[2] + quad[3]) / 2.0];
             let end = slits.end_on(tissue, [tip, top]);
-            let is_there = |t: &Tie| t.vertices().iter().all(|v| tissue.mesh.vertex_is_live(*v));
-            let keeps = |t: &Tie| is_there(t) && end.is_none_or(|v| t.vertices() == [v]);
+            let is_there = |t: &Tie| t.vertices().all(|v| tissue.mesh.vertex_is_live(v));
+            let keeps = |t: &Tie| is_there(t) && end.is_none_or(|v| t.vertices == only(v));
             let old = ties[kept..].iter().position(|t| t.serial == serial && keeps(t));
             if let Some(at) = old {
                 ties.swap(kept, kept + at);
@@ -112,15 +108,12 @@ impl TearStroke {
             // the blade may have gone elsewhere since the last box
             let reach = 2.0 * quad[0].distance(quad[2]);
             let seen = |v| positions.of(tissue, v);
-            let mut few = [VertexId::NONE; TIED];
-            let count = match end {
-                Some(_) => 0,
-                None => nearest_few(tissue, nearby, (top, reach), &seen, &mut few),
-            };
-            let nearest = || nearest_vertex(tissue, candidates, top, &seen).or_else(|| tissue.any_vertex_near(top));
-            let one = if count == 0 { end.or_else(nearest) } else { None };
-            let vertices = if count > 0 { &few[..count] } else { one.as_slice() };
-            if !vertices.is_empty() {
+            let mut vertices = end.map_or_else(|| nearest_few(tissue, nearby, (top, reach), &seen), only);
+            if vertices[0].is_none() {
+                let nearest = nearest_vertex(tissue, candidates, top, &seen).or_else(|| tissue.any_vertex_near(top));
+                vertices = only(nearest.unwrap_or(VertexId::NONE));
+            }
+            if vertices[0].is_some() {
                 ties.insert(kept, Tie::new(tissue, serial, *quad, vertices));
                 kept += 1;
             }
@@ -149,13 +142,12 @@ mod tests {
         let away = |v: &VertexId| tissue.position(*v).distance(p);
         let mut sorted = all.clone();
         sorted.sort_by(|a, b| away(a).total_cmp(&away(b)).then(a.cmp(b)));
-        let mut few = [VertexId::NONE; TIED];
         let seen = |v| tissue.position(v);
-        assert_eq!(nearest_few(&tissue, &twice, (p, f64::INFINITY), &seen, &mut few), TIED);
-        assert_eq!(few[..], sorted[..TIED]);
+        assert_eq!(nearest_few(&tissue, &twice, (p, f64::INFINITY), &seen)[..], sorted[..TIED]);
         let reach = 0.5 * (away(&sorted[0]) + away(&sorted[TIED - 1]));
         let within = sorted.iter().filter(|v| away(v) <= reach).count();
-        assert_eq!(nearest_few(&tissue, &twice, (p, reach), &seen, &mut few), within);
+        let few = nearest_few(&tissue, &twice, (p, reach), &seen);
+        assert_eq!(few.iter().filter(|v| v.is_some()).count(), within);
         assert!((1..TIED).contains(&within) && few[..within] == sorted[..within]);
     }
 
@@ -167,7 +159,7 @@ mod tests {
         let (low, high) = tissue.bounds();
         let at = |share: f64| tissue.any_vertex_near(low.lerp(high, share)).unwrap();
         let vertices = [at(0.2), at(0.45), at(0.7), at(0.9)];
-        let tie = Tie::new(&tissue, 0, quad, &vertices);
+        let tie = Tie::new(&tissue, 0, quad, vertices);
         let animation = tissue.rig.animation_by_name("bend");
         tissue.set_pose(0.3, animation, 0.3);
         let height = |q: [DVec3; 4]| (q[1] - q[0]).cross(q[3] - q[0]).normalize().dot(q[2] - q[0]).abs();
