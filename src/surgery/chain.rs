@@ -9,6 +9,7 @@
 
 use super::blade_path::{BladePose, Sampling};
 use super::boxes::{Grid, JointId, TearSegment};
+pub use super::lane::PendingQuad;
 use super::lane::{Blade, Lane, Maker, Part};
 use super::path_sampler::{ClippedSample, SampleKind, reject};
 use glam::DVec3;
@@ -73,12 +74,11 @@ impl ChainBuilder {
         self.maker.skipped
     }
 
-    /// The quads that the next boxes may be built from, with the serial number of their sample: the joints where the last
-    /// boxes ended, and the sample after them (a degenerate quad tip, tip, top, top). Re-pose the corners with the tissue
+    /// The quads that the next boxes may be built from: the joints where the last boxes ended, and the sample after them (a degenerate quad tip, tip, top, top). Re-pose the corners with the tissue
     /// before the next push (MATHS 5.5): they are brought back into a plane then, and stay as they are, bit for bit, if
     /// none was moved. The list changes with every push.
-    pub fn pending_quads_mut(&mut self) -> impl Iterator<Item = (u32, &mut [DVec3; 4])> {
-        let last = self.last.as_mut().map(|blade| (blade.serial, &mut blade.quad));
+    pub fn pending_quads_mut(&mut self) -> impl Iterator<Item = PendingQuad<'_>> {
+        let last = self.last.as_mut().map(Blade::pending);
         self.lanes.iter_mut().flat_map(Lane::start_quads_mut).chain(last)
     }
 

@@ -4,8 +4,7 @@
 //! They need not be as many as the lane's: a new one comes when the blade has gone a quarter of the width.
 
 use super::boxes::{Grid, TearSegment};
-use super::lane::{Blade, Maker, Part};
-use glam::DVec3;
+use super::lane::{Blade, Maker, Part, PendingQuad};
 
 /// By how much a lane keeps off more than it has to.
 const SPARE: f64 = 1.5;
@@ -95,8 +94,8 @@ impl Hub {
         self.start.iter_mut().for_each(|blade| blade.settle(grid));
     }
 
-    pub(super) fn start_quad_mut(&mut self) -> Option<(u32, &mut [DVec3; 4])> {
-        self.start.as_mut().map(|blade| (blade.serial, &mut blade.quad))
+    pub(super) fn start_quad_mut(&mut self) -> Option<PendingQuad<'_>> {
+        self.start.as_mut().map(Blade::pending)
     }
 
     /// True while boxes of the tip are to come.

@@ -61,6 +61,16 @@ pub(super) struct Joint {
     quad: [DVec3; 4],
 }
 
+/// A quad that the next box may be built from.
+pub struct PendingQuad<'a> {
+    /// The number of its sample.
+    pub serial: u32,
+    /// The joint that it is, if a box has ended there.
+    pub joint: Option<JointId>,
+    /// Corners tip-, tip+, base+, base-.
+    pub corners: &'a mut [DVec3; 4],
+}
+
 /// A box and its bounds.
 type KeptBox = (TearBox, [DVec3; 2]);
 
@@ -108,6 +118,10 @@ impl Blade {
             (self.tip, self.top) = (frame.tip, frame.top);
         }
         self.reset_quad();
+    }
+
+    pub(super) fn pending(&mut self) -> PendingQuad<'_> {
+        PendingQuad { serial: self.serial, joint: None, corners: &mut self.quad }
     }
 
     pub(super) fn reset_quad(&mut self) {
@@ -186,11 +200,12 @@ impl Lane {
         self.kept.last().map(|k| k.0.chain)
     }
 
-    /// The quads where the next boxes start, and the serial numbers of their samples.
-    pub(super) fn start_quads_mut(&mut self) -> impl Iterator<Item = (u32, &mut [DVec3; 4])> {
+    /// The quads where the next boxes start.
+    pub(super) fn start_quads_mut(&mut self) -> impl Iterator<Item = PendingQuad<'_>> {
+        let joint = self.joint();
         let start = match &mut self.start {
-            Start::Fresh(blade) => (blade.serial, &mut blade.quad),
-            Start::Joint(joint) => (joint.serial, &mut joint.quad),
+            Start::Fresh(blade) => blade.pending(),
+            Start::Joint(start) => PendingQuad { serial: start.serial, joint, corners: &mut start.quad },
         };
         std::iter::once(start).chain(self.hub.start_quad_mut())
     }

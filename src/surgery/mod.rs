@@ -26,7 +26,7 @@ pub mod walls;
 pub use blade_path::{BladePath, BladePose, EntryPoint, PathError, Sampling, SamplingSettings, SettingError, Surface};
 pub use boxes::{HalfSpace, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, plane_side};
 pub use boxes_obj::{write_boxes, write_slits};
-pub use chain::ChainBuilder;
+pub use chain::{ChainBuilder, PendingQuad};
 pub use path_sampler::{ClippedSample, PathSample, PathSampler, SampleKind};
 pub use plane_from_hand::PlaneFromHand;
 pub use stroke::{Stroke, WallMode, tear_segments};

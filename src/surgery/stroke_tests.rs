@@ -305,11 +305,11 @@ fn a_pivot_that_wanders_leaves_little_uncut() {
 fn two_joints_are_open_at_a_pivot_and_their_quads_have_names_of_their_own() {
     let (mut stroke, mut out) = (Stroke::new(0.002, sampling()), Vec::new());
     for i in 0..=10 {
-        for (_, quad) in stroke.builder().pending_quads_mut() {
-            quad.iter_mut().for_each(|corner| corner.z += 1e-4);
+        for quad in stroke.builder().pending_quads_mut() {
+            quad.corners.iter_mut().for_each(|corner| corner.z += 1e-4);
         }
         stroke.push(turned(f64::from(i), f64::from(i) * 0.1, 0.5, 0.0), &half_space, &mut out);
-        let mut serials: Vec<u32> = stroke.builder().pending_quads_mut().map(|q| q.0).collect();
+        let mut serials: Vec<u32> = stroke.builder().pending_quads_mut().map(|q| q.serial).collect();
         serials.sort_unstable();
         serials.dedup();
         assert_eq!(serials.len(), stroke.builder().pending_quads_mut().count());
@@ -408,9 +408,9 @@ fn reposed_quads_become_flat_and_boxes_stay_valid() {
     let poses: Vec<_> = (0..=20).map(|i| upright(f64::from(i) * 0.01, 0.01 * f64::from(i), -0.1, 0.0)).collect();
     let (mut stroke, mut out) = (Stroke::new(0.004, sampling()), Vec::new());
     for pose in &poses {
-        for (serial, quad) in stroke.builder().pending_quads_mut() {
-            for (k, corner) in quad.iter_mut().enumerate() {
-                *corner += DVec3::new(0.0003, 0.0007 * (k as f64 - 1.5), 0.0001 * f64::from(serial % 3));
+        for quad in stroke.builder().pending_quads_mut() {
+            for (k, corner) in quad.corners.iter_mut().enumerate() {
+                *corner += DVec3::new(0.0003, 0.0007 * (k as f64 - 1.5), 0.0001 * f64::from(quad.serial % 3));
             }
         }
         stroke.push(*pose, &half_space, &mut out);

@@ -93,20 +93,20 @@ impl BoxPlanes {
         out.extend(tissue.faces_where(meets));
     }
 
-    /// Draws the start plane back by half the box. Where the tissue moves, the end of the slit does not stay in a plane, and
-    /// skin behind the joint would be left as a strand across the slit; between the lips there is nothing else to reach. Where the path
-    /// turns, the box would leave those lips, and cut a film off the outer one: it goes back as far as to the outer lip on its inner
-    /// side, and hardly beyond on the other.
-    pub(super) fn reach_back(&mut self, tear_box: &TearBox) {
+    /// Draws the start plane back by `reach` metres, and by half the box at most. Where the tissue moves, the end of the slit does not stay
+    /// in a plane, and skin behind the joint would be left as a strand across the slit. What is farther back than that is not to be cut
+    /// again. Where the path turns, the box would leave the lips, and cut a film off the outer one: it goes back as far as to the outer
+    /// lip on its inner side, and hardly beyond on the other.
+    pub(super) fn reach_back(&mut self, tear_box: &TearBox, reach: f64) {
         let [start, end] = &tear_box.quads;
         let way = (0..4).map(|k| end[k] - start[k]).sum::<DVec3>() / 4.0;
-        let (along, half) = (way.normalize_or_zero(), way.length() / 2.0);
+        let (along, back) = (way.normalize_or_zero(), reach.min(way.length() / 2.0));
         // from the minus side to the plus; the outer side of a turn lies farther back
         let across = (start[1] + start[2] - start[0] - start[3]) / 2.0;
         let lag = across.dot(along);
         let width = across.reject_from(along).length();
         let turn = 2.0 * lag.abs() * width / across.length_squared();
-        let most = |widths: f64| if turn * half > widths * width { widths * width / turn } else { half };
+        let most = |widths: f64| if turn * back > widths * width { widths * width / turn } else { back };
         let plus_is_outer = lag < 0.0;
         let by = [most(INNER_REACH), most(OUTER_REACH)];
         let moved = |k: usize, corner: DVec3| {

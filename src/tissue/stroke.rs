@@ -2,6 +2,8 @@
 
 #[path = "box_planes.rs"]
 mod box_planes;
+#[path = "joint_fit.rs"]
+mod joint_fit;
 #[path = "segment_report.rs"]
 mod segment_report;
 #[path = "slit_stroke.rs"]
@@ -39,6 +41,9 @@ const BENT: f64 = 1.0 / 32.0;
 /// a rung. Walls that lie through each other would be cut into more and more.
 const MOST_WALLS_CUT: [usize; 2] = [300, 700];
 
+/// What a box reaches back beyond the vertices on its joint, which have left its plane, in widths.
+const MARGIN: f64 = 0.1;
+
 /// Boxes that the next may go on from: the ends of two chains at a pivot, what came before them, and boxes of a cone's tip between.
 const ENDS_KEPT: usize = 8;
 
@@ -54,6 +59,8 @@ struct Ended {
     /// Chain of the box, and its last joint.
     chain: u32,
     joint: Option<JointId>,
+    /// The tissue has moved that since.
+    moved: bool,
     /// Its end edge (tip, top) at rest.
     at_rest: [DVec3; 2],
     /// Vertices on the joint, with the quad edges they lie on, sorted.
@@ -122,8 +129,7 @@ pub struct TearStroke {
     origins: Vec<u32>,
     lips: Vec<LipVertex>,
     removed: Vec<VertexId>,
-    /// The tissue has moved since the pending quads were tied, and since the stroke began.
-    moved: bool,
+    /// The tissue has moved a pending quad.
     has_moved: bool,
     wall: WallMode,
     /// As it was asked for, and how far boxes with walls keep from faces that they would touch, metres.
@@ -164,7 +170,6 @@ impl TearStroke {
             origins: Vec::new(),
             lips: Vec::new(),
             removed: Vec::new(),
-            moved: false,
             has_moved: false,
             wall: WallMode::Open,
             width,
@@ -187,17 +192,8 @@ impl TearStroke {
         self.slits.begin();
         let (slit, first_strip) = tissue.layer().map_or((0, 0), |l| (l.strips.next_slit(), l.strips.len()));
         let (wall, clearance) = (self.wall, CLEARANCE * tissue.diagonal());
-        Self {
-            stroke: self.stroke.again(width, sampling),
-            slit,
-            first_strip,
-            moved: false,
-            has_moved: false,
-            width,
-            clearance,
-            ..self
-        }
-        .walled(wall)
+        Self { stroke: self.stroke.again(width, sampling), slit, first_strip, has_moved: false, width, clearance, ..self }
+            .walled(wall)
     }
 
     /// The same with walls and a floor, or without.
@@ -334,8 +330,10 @@ impl TearStroke {
         let start = before.as_ref().map(|e| e.at_rest);
         self.begin_slit(tissue, start.is_some());
         let mut before = before.or_else(|| self.spare_ended.pop().map(Ended::emptied)).unwrap_or_default();
-        if self.moved && !before.tags.is_empty() {
-            planes.reach_back(tear_box);
+        if before.moved && !before.tags.is_empty() {
+            let off = |t: &OnPlanes| planes.planes[0].distance(self.positions.of(tissue, t.vertex)).abs();
+            let farthest = before.tags.iter().map(off).fold(0.0, f64::max);
+            planes.reach_back(tear_box, 2.0 * farthest + MARGIN * self.width);
         }
         let mut tags = std::mem::take(&mut self.tags);
         planes.start_tags(&before.tags, &mut tags);
@@ -477,7 +475,7 @@ impl TearStroke {
             other.lips.retain(|l| tissue.mesh.vertex_is_live(l.0));
         }
         let mut end = self.spare_ended.pop().unwrap_or_default().emptied();
-        (end.chain, end.joint, end.at_rest) = (tear_box.chain, Some(tear_box.joints[1]), at_rest);
+        (end.chain, end.joint, end.moved, end.at_rest) = (tear_box.chain, Some(tear_box.joints[1]), false, at_rest);
         planes.end_edges(&step.on_end, &mut end.tags);
         if self.wall == WallMode::Closed {
             for &(face, side) in &step.walls {

@@ -1,7 +1,9 @@
 //! What holds the blade's pending quads to moving tissue (MATHS 5.5).
 
+use super::joint_fit::Pins;
 use super::{TearStroke, nearest_vertex};
 use crate::geometry::VertexId;
+use crate::surgery::{JointId, PendingQuad};
 use crate::tissue::Tissue;
 use glam::DVec3;
 
@@ -9,9 +11,11 @@ use glam::DVec3;
 const TIED: usize = 4;
 
 /// A pending quad tied to the tissue by the frames of vertices near it, of which it takes the mean (MATHS 5.5): that keeps what is plane
-/// plane.
+/// plane. One that a box has ended at is fitted to the vertices on it, too.
 pub(super) struct Tie {
     serial: u32,
+    joint: Option<JointId>,
+    pins: Pins,
     vertices: Few,
     /// The quad at rest, for each of the vertices.
     rest: [[DVec3; 4]; TIED],
@@ -28,19 +32,31 @@ fn only(v: VertexId) -> Few {
 }
 
 impl Tie {
-    fn new(tissue: &Tissue, serial: u32, quad: [DVec3; 4], vertices: Few) -> Self {
-        let at_rest = |v: VertexId| if v.is_some() { quad.map(tissue.rest_frame(v)) } else { quad };
-        let mut tie = Self { serial, vertices, rest: vertices.map(at_rest), posed: quad };
-        tie.posed = tie.corners(tissue);
+    fn new(tissue: &Tissue, quad: &PendingQuad<'_>, vertices: Few) -> Self {
+        let (serial, joint, posed) = (quad.serial, quad.joint, *quad.corners);
+        let at_rest = |v: VertexId| if v.is_some() { posed.map(tissue.rest_frame(v)) } else { posed };
+        let mut tie = Self { serial, joint, pins: Pins::default(), vertices, rest: vertices.map(at_rest), posed };
+        tie.posed = tie.carried(tissue);
         tie
+    }
+
+    /// The same, fitted to vertices on the joint that it is.
+    fn pinned(mut self, on_joint: impl Iterator<Item = VertexId> + Clone, position: impl Fn(VertexId) -> DVec3) -> Self {
+        self.pins = Pins::new(&self.posed, on_joint, position);
+        self
     }
 
     fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
         self.vertices.iter().copied().take_while(|v| v.is_some())
     }
 
-    /// Where the quad's corners are now.
-    fn corners(&self, tissue: &Tissue) -> [DVec3; 4] {
+    /// Where the quad's corners are now; `position` gives those of live vertices.
+    fn corners(&self, tissue: &Tissue, position: impl Fn(VertexId) -> DVec3) -> [DVec3; 4] {
+        self.pins.fit(self.carried(tissue), |v| tissue.mesh.vertex_is_live(v).then(|| position(v)))
+    }
+
+    /// Where the frames alone carry them.
+    fn carried(&self, tissue: &Tissue) -> [DVec3; 4] {
         let mut sums = [DVec3::ZERO; 4];
         for (v, corners) in self.vertices().zip(&self.rest) {
             let to_posed = tissue.posed_frame(v);
@@ -69,15 +85,20 @@ fn nearest_few(tissue: &Tissue, vertices: &[VertexId], (p, reach): (DVec3, f64),
 impl TearStroke {
     /// Moves the pending quads with the tissue (MATHS 5.5). Those it has not moved keep their bits.
     pub(super) fn follow_tissue(&mut self, tissue: &Tissue) {
-        self.moved = false;
-        for (serial, quad) in self.stroke.builder().pending_quads_mut() {
-            let Some(tie) = self.ties.iter_mut().find(|t| t.serial == serial) else { continue };
-            for (k, now) in tie.corners(tissue).into_iter().enumerate() {
+        let Self { stroke, ties, ended, positions, has_moved, .. } = self;
+        for quad in stroke.builder().pending_quads_mut() {
+            let Some(tie) = ties.iter_mut().find(|t| t.serial == quad.serial) else { continue };
+            let mut moved = false;
+            for (k, now) in tie.corners(tissue, |v| positions.of(tissue, v)).into_iter().enumerate() {
                 if now != tie.posed[k] {
-                    quad[k] += now - tie.posed[k];
+                    quad.corners[k] += now - tie.posed[k];
                     tie.posed[k] = now;
-                    (self.moved, self.has_moved) = (true, true);
+                    moved = true;
                 }
+            }
+            if moved {
+                ended.iter_mut().filter(|e| e.joint == quad.joint).for_each(|e| e.moved = true);
+                *has_moved = true;
             }
         }
     }
@@ -94,19 +115,20 @@ impl TearStroke {
         }
         let pending = stroke.builder().pending_quads_mut();
         let mut kept = 0;
-        for (serial, quad) in pending {
-            let [tip, top] = [(quad[0] + quad[1]) / 2.0, (quad[2] + quad[3]) / 2.0];
+        for quad in pending {
+            let corners = *quad.corners;
+            let [tip, top] = [(corners[0] + corners[1]) / 2.0, (corners[2] + corners[3]) / 2.0];
             let end = slits.end_on(tissue, [tip, top]);
             let is_there = |t: &Tie| t.vertices().all(|v| tissue.mesh.vertex_is_live(v));
-            let keeps = |t: &Tie| is_there(t) && end.is_none_or(|v| t.vertices == only(v));
-            let old = ties[kept..].iter().position(|t| t.serial == serial && keeps(t));
+            let keeps = |t: &Tie| t.joint == quad.joint && is_there(t) && end.is_none_or(|v| t.vertices == only(v));
+            let old = ties[kept..].iter().position(|t| t.serial == quad.serial && keeps(t));
             if let Some(at) = old {
                 ties.swap(kept, kept + at);
                 kept += 1;
                 continue;
             }
             // the blade may have gone elsewhere since the last box
-            let reach = 2.0 * quad[0].distance(quad[2]);
+            let reach = 2.0 * corners[0].distance(corners[2]);
             let seen = |v| positions.of(tissue, v);
             let mut vertices = end.map_or_else(|| nearest_few(tissue, nearby, (top, reach), &seen), only);
             if vertices[0].is_none() {
@@ -114,7 +136,9 @@ impl TearStroke {
                 vertices = only(nearest.unwrap_or(VertexId::NONE));
             }
             if vertices[0].is_some() {
-                ties.insert(kept, Tie::new(tissue, serial, *quad, vertices));
+                let boxes = ended.iter().filter(|e| quad.joint.is_some() && e.joint == quad.joint);
+                let on_joint = boxes.flat_map(|e| &e.tags).map(|t| t.vertex);
+                ties.insert(kept, Tie::new(tissue, &quad, vertices).pinned(on_joint, seen));
                 kept += 1;
             }
         }
@@ -159,11 +183,12 @@ mod tests {
         let (low, high) = tissue.bounds();
         let at = |share: f64| tissue.any_vertex_near(low.lerp(high, share)).unwrap();
         let vertices = [at(0.2), at(0.45), at(0.7), at(0.9)];
-        let tie = Tie::new(&tissue, 0, quad, vertices);
+        let mut corners = quad;
+        let tie = Tie::new(&tissue, &PendingQuad { serial: 0, joint: None, corners: &mut corners }, vertices);
         let animation = tissue.rig.animation_by_name("bend");
         tissue.set_pose(0.3, animation, 0.3);
         let height = |q: [DVec3; 4]| (q[1] - q[0]).cross(q[3] - q[0]).normalize().dot(q[2] - q[0]).abs();
-        let (mean, one) = (tie.corners(&tissue), quad.map(|p| tissue.posed_frame(vertices[3])(p)));
+        let (mean, one) = (tie.carried(&tissue), quad.map(|p| tissue.posed_frame(vertices[3])(p)));
         assert!(mean.iter().zip(quad).any(|(a, b)| a.distance(b) > 1e-3), "the tissue has moved");
         assert!(mean.iter().zip(one).any(|(a, b)| a.distance(b) > 1e-3), "and not all alike");
         assert!(height(mean) < 1e-12, "{}", height(mean));
