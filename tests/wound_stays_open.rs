@@ -3,14 +3,14 @@
 
 mod common;
 
-use common::models::{heart, scene};
+use common::models::{heart, model, scene, settings};
 use common::open_half_edges;
 use glam::DVec3;
-use incise::geometry::{HalfEdge, ParticleId, StateHash};
-use incise::particles::ParticleMap;
-use incise::scene::{EditCommand, Scene};
-use incise::surgery::BladePose;
-use incise::tissue::Tissue;
+use incise::geometry::{HalfEdge, ParticleId, StateHash, VertexId};
+use incise::particles::{ParticleMap, ParticleSettings};
+use incise::scene::{EditCommand, Scene, SceneSettings};
+use incise::surgery::{BladePose, SamplingSettings};
+use incise::tissue::{Tissue, TissueSettings};
 
 const STEP: f64 = 1.0 / 90.0;
 
@@ -378,4 +378,46 @@ fn lips_that_open_behind_the_blade_have_no_teeth() {
     }
     // 8 each are those of the slit's ends in both sheets
     assert!(all <= 80, "{all} corners");
+}
+
+/// How far the lips of a slit across the beam stand apart on its side, at this height at rest, metres.
+fn apart_at(scene: &Scene, height: f64) -> f64 {
+    let tissue = only(scene);
+    let ends = open_half_edges(tissue.mesh()).into_iter().map(|h| tissue.mesh().from(h));
+    let rest = |v| tissue.rows().rest(v);
+    let side = ends.filter(|&v| rest(v).z > 0.0599 && (rest(v).y - height).abs() < 0.004);
+    let (low, high) = side.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| {
+        let x = tissue.position(v).x;
+        (low.min(x), high.max(x))
+    });
+    high - low
+}
+
+/// A slit that runs over an edge of the model opens on both sides of it, and ends where its lips meet.
+#[test]
+fn a_wound_over_an_edge_goes_on_down_the_side() {
+    let model = model("beam", 3200);
+    let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
+    let particles = ParticleSettings { seed: 1, ..ParticleSettings::for_count(&model.mesh, &rest, 200) };
+    let settings = TissueSettings { particles: Some(particles), ..settings(&model) };
+    let gap = particles.wound.gap;
+    for turned in [false, true] {
+        let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
+        let mut scene = Scene::new(Tissue::new(model.clone(), &settings).unwrap(), tools);
+        scene.edit(EditCommand::StrokeBegin { width: 0.0 });
+        for k in 0..=30u32 {
+            // in over the edge, or out over it
+            let share = f64::from(if turned { 30 - k } else { k }) / 30.0;
+            let tip = DVec3::new(0.013, 0.015, 0.09 - 0.09 * share);
+            scene.edit(EditCommand::StrokePose(BladePose { t: 0.03 * f64::from(k), tip, base: tip.with_y(0.2) }));
+        }
+        scene.edit(EditCommand::StrokeEnd);
+        settle(&mut scene);
+        let [top, middle, bottom] = [0.06, 0.036, 0.015].map(|height| apart_at(&scene, height));
+        println!("{gap}: {top} {middle} {bottom}");
+        assert_eq!(scene.validate(), Ok(()));
+        // with a wound as long as the blade's way alone: 0, and 0 in the middle
+        assert!(top > 0.5 * gap && middle > 0.4 * top, "{top}, {middle} of {gap}");
+        assert!(bottom < 0.25 * top, "{bottom} of {top}");
+    }
 }

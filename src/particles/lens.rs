@@ -5,6 +5,7 @@
 //! left, the particles are set such that the lip is where it belongs at each of them, as far as that goes without waves: a few rounds of
 //! Landweber's iteration (1951) for least squares.
 
+use super::legs::{LegLip, MOST_LIPS};
 use super::particle_map::ParticleMap;
 use super::settings::WoundSettings;
 use super::strips::{Strips, WoundMark};
@@ -30,6 +31,8 @@ pub(super) struct Lens {
     /// By particle, its place among `marks`; all [`NONE`] between uses.
     place_of: Vec<u32>,
     shares: Vec<Share>,
+    /// Lips of a leg of the slit.
+    pub(super) leg: Vec<LegLip>,
 }
 
 /// Particles of a slit that there is room for at first, more than [`WoundSettings::max_particles`] mostly is, and of those that move one of
@@ -74,7 +77,9 @@ struct Share {
 pub(super) struct Opening {
     /// The slit's first strip.
     pub(super) start: usize,
-    /// It stands open along its first so many metres.
+    /// It begins so many metres before that, on its leg where it runs over an edge.
+    pub(super) before: f64,
+    /// It stands open from there to so many metres along its strips.
     pub(super) open: f64,
     /// Whether the lips meet where that ends.
     pub(super) is_shut: bool,
@@ -93,6 +98,7 @@ impl Lens {
         fit(&mut self.place_of, particles, NONE);
         self.marks.reserve(MARKS);
         self.shares.reserve(SHARES * MARKS);
+        self.leg.reserve(2 * MOST_LIPS);
     }
 
     /// Sets the rest displacements of a slit: a parabola along its open metres, closed behind. It is half the gap at the middle and nothing at
@@ -106,7 +112,7 @@ impl Lens {
         opening: Opening,
         mut changed: impl FnMut(ParticleId),
     ) {
-        let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * opening.open);
+        let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * (opening.before + opening.open));
         self.list(map, strips, wound, opening, half_gap);
         if opening.is_done && half_gap > 0.0 {
             let pace = self.weigh(map, half_gap);
@@ -130,8 +136,9 @@ impl Lens {
 
     /// Collects the slit's live wound particles, where their lips belong and where they are set.
     fn list(&mut self, map: &ParticleMap, strips: &Strips, wound: &WoundSettings, opening: Opening, half_gap: f64) {
-        let Opening { start, open, is_shut, .. } = opening;
-        let place = |mark: &WoundMark| strips.stretch(mark.strip as usize).0 + mark.along;
+        let Opening { start, before, is_shut, .. } = opening;
+        let open = before + opening.open;
+        let place = |mark: &WoundMark| before + strips.stretch(mark.strip as usize).0 + mark.along;
         let profile: fn(f64) -> f64 = match (slit_marks(strips, start).any(|m| place(m) < 0.5 * wound.spacing), is_shut) {
             (true, true) => |x| 4.0 * x * (1.0 - x),
             (true, false) => |x| x * (2.0 - x),

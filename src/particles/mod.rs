@@ -5,6 +5,7 @@ mod cut_links;
 pub mod extract;
 pub mod flood;
 mod holders;
+mod legs;
 mod lens;
 mod link_tests;
 mod links_wanted;

@@ -5,6 +5,7 @@
 //! whenever the slit grows, and for good once the blade has left. Near an advancing blade it stays closed, so that the blade
 //! goes on through skin that its own wound does not pull aside.
 
+use super::legs::Leg;
 use super::lens::{LEAST_SHARE, Opening, slit_marks};
 use super::map_edit::{LipVertex, MapEdit};
 use super::map_report::MapUpdateReport;
@@ -18,9 +19,12 @@ use glam::DVec3;
 /// Vertices that are looked at between the two lips of a slit's end.
 const MOST_BETWEEN_LIPS: usize = 128;
 
+/// A strip, and where its lips begin and end along it, [`share_along`].
+pub(super) type Stretch = (usize, (f64, f64));
+
 /// Where `p` lies along strip `k`: 0 at its start, 1 at its end. A blade that leans sweeps a fan, and a place in it lies between the two
 /// ends as its distances from them say.
-fn share_along(strips: &Strips, k: usize, p: DVec3) -> f64 {
+pub(super) fn share_along(strips: &Strips, k: usize, p: DVec3) -> f64 {
     let [tip0, tip1, base1, base0] = strips.as_slice()[k].corners.map(DVec3::from_array);
     let normal = strips.geometry(k).normal();
     let inside = |tip: DVec3, base: DVec3, others: DVec3| {
@@ -61,7 +65,7 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
             let lips = stretch_of_lips(update, k);
             // Places at multiples of the spacing from the slit's start, whatever the strips' lengths: the first holds that end shut,
             // if it is one.
-            let is_open = offset == 0.0 && !lips_meet(update, (k, lips), false);
+            let is_open = offset == 0.0 && !lips_meet(update, (k, lips), false, None);
             let first = (offset / wound.spacing).ceil().max(if is_open { 1.0 } else { 0.0 });
             let places = (0..room).map(|i| (first + i as f64) * wound.spacing).take_while(|&s| s < end);
             for place in places {
@@ -73,7 +77,7 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
             k += 1;
         }
         let open = (offset - wound.front).max(0.0);
-        displace(update, Opening { start, open, is_shut: true, is_done: false });
+        displace(update, Opening { start, before: 0.0, open, is_shut: true, is_done: false });
     }
 }
 
@@ -83,9 +87,9 @@ fn displace(update: &mut Update<'_, '_>, opening: Opening) {
     lens.displace_slit(update.map, update.strips, &update.settings.wound, opening, |j| changed.push(j));
 }
 
-/// True if the lips of strip `k`, whose [`stretch_of_lips`] is given, meet at its start, or at its end: from the outermost lip skin leads to the other side. Over a border,
-/// in an older wound, or where a model that moves has carried the blade back into its slit they do not.
-fn lips_meet(update: &mut Update<'_, '_>, (k, (first, last)): (usize, (f64, f64)), at_end: bool) -> bool {
+/// True if the lips of strip `k` meet at its start, or at its end: from the outermost lip, or from that given, skin leads to the other
+/// side. Over a border, in an older wound, or where a model that moves has carried the blade back into its slit they do not.
+fn lips_meet(update: &mut Update<'_, '_>, (k, (first, last)): Stretch, at_end: bool, from: Option<VertexId>) -> bool {
     let Update { mesh, rest, strips, edit, scratch, settings, .. } = update;
     let is_skin = |h: &HalfEdge| !mesh.face_info(h.face()).is_interior();
     let is_lip =
@@ -93,7 +97,8 @@ fn lips_meet(update: &mut Update<'_, '_>, (k, (first, last)): (usize, (f64, f64)
     let lips = edit.lips.iter().filter(is_lip);
     let ahead = if at_end { -1.0 } else { 1.0 };
     let place = |v: VertexId| share_along(strips, k, rest[v.index()]) * ahead;
-    let Some(from) = lips.map(|l| l.vertex).min_by(|a, b| place(*a).total_cmp(&place(*b)).then(a.cmp(b))) else { return false };
+    let outermost = || lips.map(|l| l.vertex).min_by(|a, b| place(*a).total_cmp(&place(*b)).then(a.cmp(b)));
+    let Some(from) = from.or_else(outermost) else { return false };
     let near = |l: &&LipSide| strips.around(k).any(|m| m == l.strip as usize);
     let side = |v: VertexId| strips.lip_sides(v).iter().find(near).map_or(0, |l| l.side);
     // the way round the other end of a short strip is none
@@ -122,7 +127,7 @@ fn lips_meet(update: &mut Update<'_, '_>, (k, (first, last)): (usize, (f64, f64)
 
 /// Adds up to two particles, `room` at most, on one lip of strip `k`, whose [`stretch_of_lips`] is given: a blade that passes through a
 /// thin part leaves two lips on a side. Returns how many.
-fn add_at(update: &mut Update<'_, '_>, (k, lips): (usize, (f64, f64)), place: f64, side: i8, room: usize) -> usize {
+fn add_at(update: &mut Update<'_, '_>, (k, lips): Stretch, place: f64, side: i8, room: usize) -> usize {
     let along = |strips: &Strips, p: DVec3| {
         let t = (share_along(strips, k, p) - lips.0) / (lips.1 - lips.0).max(f64::MIN_POSITIVE);
         t.clamp(0.0, 1.0) * strips.stretch(k).1
@@ -173,28 +178,43 @@ pub fn release_slit(
     // where the blade went on in the air there are none
     let has_lips = |&k: &usize| !strips.as_slice()[k].is_beside() && lips_of(strips, mesh, k).next().is_some();
     let end = (start..=last).rev().find(has_lips).unwrap_or(last);
+    let first = (start..=end).find(has_lips).unwrap_or(end);
     let mut lips = std::mem::take(&mut scratch.lips);
     lips.clear();
     lips.extend(lips_of(strips, mesh, end));
+    if first < end {
+        lips.extend(lips_of(strips, mesh, first));
+    }
     let edit = MapEdit { lips: &lips, ..MapEdit::default() };
     let mut update = Update::begin((mesh, rest), map, strips, &edit, settings, scratch);
     let (before, length) = update.strips.stretch(end);
-    let mut is_shut = true;
+    let mut opening = Opening { start, before: 0.0, open: before + length, is_shut: true, is_done: true };
     if wound.gap > 0.0 && !lips.is_empty() && update.find_zone() {
-        let range = stretch_of_lips(&update, end);
-        is_shut = lips_meet(&mut update, (end, range), true);
-        for side in [1, -1].into_iter().filter(|_| is_shut) {
+        let stretch = (first, stretch_of_lips(&update, first));
+        if let Some(leg) = Leg::find(&mut update, stretch, false) {
+            let is_shut = lips_meet(&mut update, stretch, false, Some(leg.bottom));
+            leg.fill(&mut update, is_shut);
+            opening.before = leg.depth - update.strips.stretch(first).0;
+        }
+        let stretch = (end, stretch_of_lips(&update, end));
+        let leg = Leg::find(&mut update, stretch, true);
+        opening.is_shut = lips_meet(&mut update, stretch, true, leg.as_ref().map(|leg| leg.bottom));
+        if let Some(leg) = &leg {
+            leg.fill(&mut update, opening.is_shut);
+            opening.open += leg.depth;
+        }
+        for side in [1, -1].into_iter().filter(|_| opening.is_shut && leg.is_none()) {
             let marks = slit_marks(update.strips, start).filter(|m| m.side == i32::from(side));
             let furthest = marks.map(|m| update.strips.stretch(m.strip as usize).0 + m.along).fold(f64::NEG_INFINITY, f64::max);
-            let room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
             if furthest < before + length - 0.5 * wound.spacing {
-                add_at(&mut update, (end, range), length, side, room);
+                let room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
+                add_at(&mut update, stretch, length, side, room);
             }
         }
         update.link_particles(0);
         update.write_rows();
     }
-    displace(&mut update, Opening { start, open: before + length, is_shut, is_done: true });
+    displace(&mut update, opening);
     let report = update.finish();
     scratch.lips = lips;
     report
