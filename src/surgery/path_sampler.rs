@@ -74,6 +74,8 @@ struct Heading {
 pub struct PathSampler {
     sampling: Sampling,
     pose: Option<BladePose>,
+    /// Where the tissue has carried that since.
+    carried: Option<BladePose>,
     sample: Option<BladePose>,
     axial_tip: DVec3,
     heading: Option<Heading>,
@@ -92,7 +94,7 @@ struct Leg {
 impl PathSampler {
     /// A sampler for one stroke.
     pub fn new(sampling: Sampling) -> Self {
-        Self { sampling, pose: None, sample: None, axial_tip: DVec3::ZERO, heading: None }
+        Self { sampling, pose: None, carried: None, sample: None, axial_tip: DVec3::ZERO, heading: None }
     }
 
     /// Takes the next pose and appends the samples between the one before and it. Poses that are not finite, have no
@@ -110,8 +112,27 @@ impl PathSampler {
             return;
         }
         self.pose = Some(pose);
+        let carried = self.carried.take().unwrap_or(from);
+        let samples = out.len();
         self.corner(&from, &pose, out);
         self.walk(from, pose, out);
+        // bit for bit what they are in tissue that stands still
+        if carried != from && pose.t > from.t {
+            for sample in &mut out[samples..] {
+                sample.pose = carried.lerp(&pose, (sample.pose.t - from.t) / (pose.t - from.t));
+            }
+        }
+    }
+
+    /// The newest pose, tip and base, for a caller whose tissue moves.
+    pub fn newest(&self) -> Option<[DVec3; 2]> {
+        self.pose.map(|p| [p.tip, p.base])
+    }
+
+    /// The tissue has carried what the blade was in at the newest pose away by so much, at its tip and base, metres (MATHS 5.5). Samples on the
+    /// way to the next pose are placed between there and that: the blade goes on in the tissue from where it was in it.
+    pub fn carry(&mut self, by: [DVec3; 2]) {
+        self.carried = self.pose.map(|p| BladePose { tip: p.tip + by[0], base: p.base + by[1], ..p });
     }
 
     /// Ends the stroke: the last pose becomes a sample if it is not one already.
@@ -289,6 +310,39 @@ mod tests {
             assert!((w[1].pose.tip.x - w[0].pose.tip.x - 0.01).abs() < 1e-12);
         }
         assert!((out.last().unwrap().pose.tip.x - 0.1).abs() < 1e-12);
+    }
+
+    /// Tissue that goes up at an even speed under a blade that goes straight: in the tissue its way is a straight line down, however samples
+    /// fall between poses. Where poses stay behind while the tissue moves, it is a staircase.
+    #[test]
+    fn the_way_between_poses_is_one_through_the_tissue() {
+        let (step, up) = (1.0 / 60.0, 0.3);
+        let worst = |carries: bool| {
+            let (mut sampler, mut out, mut worst) = (PathSampler::new(sampling()), Vec::new(), 0.0f64);
+            for k in 0..60 {
+                let t = f64::from(k) * step;
+                if carries && k > 0 {
+                    sampler.carry([DVec3::Y * up * step; 2]);
+                }
+                sampler.push(pose(t, [0.37 * t, 0.0, 0.0]), &mut out);
+                for sample in out.drain(..) {
+                    for p in [sample.pose.tip, sample.pose.base - DVec3::Y * 0.2] {
+                        worst = worst.max((p.y - up * t + up / 0.37 * p.x).abs());
+                    }
+                }
+            }
+            worst
+        };
+        assert!(worst(true) < 1e-12, "{}", worst(true));
+        assert!(worst(false) > 0.5 * up * step, "{}", worst(false));
+        let still = [pose(0.0, [0.0; 3]), pose(0.1, [0.1, 0.0, 0.03])];
+        let (mut sampler, mut out) = (PathSampler::new(sampling()), Vec::new());
+        for p in still {
+            sampler.carry([DVec3::ZERO; 2]);
+            sampler.push(p, &mut out);
+        }
+        sampler.finish(&mut out);
+        assert_eq!(out, run(&still), "to the bit");
     }
 
     #[test]

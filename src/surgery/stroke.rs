@@ -82,6 +82,11 @@ impl Stroke {
         self.previous = None;
     }
 
+    /// The sampler, to be told where the tissue carries the newest pose.
+    pub fn sampler(&mut self) -> &mut PathSampler {
+        &mut self.sampler
+    }
+
     /// The chain builder: pending quads to re-pose, counts.
     pub fn builder(&mut self) -> &mut ChainBuilder {
         &mut self.builder

@@ -113,6 +113,8 @@ pub struct TearStroke {
     slits: SlitState,
     reports: Vec<SegmentReport>,
     ties: Vec<Tie>,
+    /// The newest pose of the blade.
+    pose_tie: Option<Tie>,
     /// What the boxes changed, one entry a box, since the last [`TearStroke::drain_deltas`].
     deltas: Vec<TissueDelta>,
     /// Deltas that have been handed over, for their room.
@@ -159,6 +161,7 @@ impl TearStroke {
             slits: SlitState::default(),
             reports: Vec::new(),
             ties: Vec::new(),
+            pose_tie: None,
             deltas: Vec::new(),
             spare_deltas: Vec::new(),
             bytes_changed: 0,
@@ -187,6 +190,7 @@ impl TearStroke {
         self.boxes.clear();
         self.reports.clear();
         self.ties.clear();
+        self.pose_tie = None;
         self.deltas.clear();
         self.positions.forget();
         self.slits.begin();

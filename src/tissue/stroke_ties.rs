@@ -85,7 +85,13 @@ fn nearest_few(tissue: &Tissue, vertices: &[VertexId], (p, reach): (DVec3, f64),
 impl TearStroke {
     /// Moves the pending quads with the tissue (MATHS 5.5). Those it has not moved keep their bits.
     pub(super) fn follow_tissue(&mut self, tissue: &Tissue) {
-        let Self { stroke, ties, ended, positions, has_moved, .. } = self;
+        let Self { stroke, ties, pose_tie, ended, positions, has_moved, .. } = self;
+        if let Some(tie) = pose_tie {
+            let now = tie.carried(tissue);
+            if now != tie.posed {
+                stroke.sampler().carry([now[0] - tie.posed[0], now[2] - tie.posed[2]]);
+            }
+        }
         for quad in stroke.builder().pending_quads_mut() {
             let Some(tie) = ties.iter_mut().find(|t| t.serial == quad.serial) else { continue };
             let mut moved = false;
@@ -143,6 +149,12 @@ impl TearStroke {
             }
         }
         ties.truncate(kept);
+        // the newest sample is the nearest to the newest pose
+        let newest = ties.iter().max_by_key(|t| t.serial).map(|t| t.vertices);
+        self.pose_tie = newest.zip(self.stroke.sampler().newest()).map(|(vertices, [tip, base])| {
+            let mut corners = [tip, tip, base, base];
+            Tie::new(tissue, &PendingQuad { serial: 0, joint: None, corners: &mut corners }, vertices)
+        });
     }
 }
 
