@@ -191,13 +191,16 @@ pub fn release_slit(
     let mut opening = Opening { start, before: 0.0, open: before + length, is_shut: true, is_done: true };
     if wound.gap > 0.0 && !lips.is_empty() && update.find_zone() {
         let stretch = (first, stretch_of_lips(&update, first));
-        if let Some(leg) = Leg::find(&mut update, stretch, false) {
+        let started = Leg::find(&mut update, stretch, false);
+        if let Some(leg) = &started {
             let is_shut = lips_meet(&mut update, stretch, false, Some(leg.bottom));
             leg.fill(&mut update, is_shut);
             opening.before = leg.depth - update.strips.stretch(first).0;
         }
         let stretch = (end, stretch_of_lips(&update, end));
-        let leg = Leg::find(&mut update, stretch, true);
+        // a nick in an edge is hardly longer than what counts as its end, and has one leg
+        let is_another = |leg: &Leg| started.as_ref().is_none_or(|first| first.bottom != leg.bottom);
+        let leg = Leg::find(&mut update, stretch, true).filter(is_another);
         opening.is_shut = lips_meet(&mut update, stretch, true, leg.as_ref().map(|leg| leg.bottom));
         if let Some(leg) = &leg {
             leg.fill(&mut update, opening.is_shut);
