@@ -1,10 +1,10 @@
 //! Where a slit runs over an edge of the model its lips go down there along the blade: a leg of the wound (MATHS 3.3). The wound goes on
 //! along it, and ends at its bottom.
 
-use super::lens::{LEAST_SHARE, slit_marks};
+use super::lens::slit_marks;
 use super::map_update::Update;
 use super::strips::WoundMark;
-use super::wound::{Stretch, share_along};
+use super::wound::{Stretch, add_marked, room_for_marks, share_along};
 use crate::geometry::{HalfEdge, VertexId};
 use glam::DVec3;
 
@@ -88,7 +88,7 @@ impl Leg {
         let spacing = update.settings.wound.spacing;
         let start = update.strips.slit_start(self.strip);
         let marks = slit_marks(update.strips, start).count();
-        let mut room = update.settings.wound.max_particles.saturating_sub(marks);
+        let mut room = room_for_marks(update, start);
         for i in update.strips.wounds.len() - marks..update.strips.wounds.len() {
             let mark = update.strips.wounds[i];
             let anchor = update.map.anchors[mark.particle.index()];
@@ -109,11 +109,7 @@ impl Leg {
                     .filter(|l| !update.is_anchor(l.vertex))
                     .min_by(|a, b| off(a).total_cmp(&off(b)).then(a.vertex.cmp(&b.vertex)));
                 let Some(&LegLip { vertex, depth, .. }) = best else { continue };
-                let outwards = update.strips.geometry(self.strip).normal() * f64::from(side);
-                let particle = update.add_particle(vertex, outwards * (LEAST_SHARE * update.settings.wound.gap));
-                let along = self.along(update, depth);
-                let mark = WoundMark { particle, strip: self.strip as u32, along, side: i32::from(side), padding: 0 };
-                update.strips.wounds.push(mark);
+                add_marked(update, self.strip, (vertex, side), self.along(update, depth));
                 room -= 1;
             }
         }

@@ -55,7 +55,7 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
         let start = update.strips.slit_start(k);
         let mut offset = update.strips.stretch(k).0;
         let slit = update.strips.as_slice()[k].slit;
-        let mut room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
+        let mut room = room_for_marks(update, start);
         while k < strips.end && update.strips.as_slice()[k].slit == slit {
             if update.strips.as_slice()[k].is_beside() {
                 k += 1;
@@ -147,13 +147,22 @@ fn add_at(update: &mut Update<'_, '_>, (k, lips): Stretch, place: f64, side: i8,
         }
         let Some((_, vertex)) = best else { return i };
         let at = along(update.strips, update.rest[vertex.index()]);
-        let outwards = update.strips.geometry(k).normal() * f64::from(side);
-        let particle = update.add_particle(vertex, outwards * (LEAST_SHARE * update.settings.wound.gap));
-        let (strip, side) = (k as u32, i32::from(side));
-        update.strips.wounds.push(WoundMark { particle, strip, along: at, side, padding: 0 });
+        add_marked(update, k, (vertex, side), at);
         taken[i] = Some(vertex);
     }
     taken.iter().flatten().count()
+}
+
+/// Adds a wound particle on a lip of strip `k`, so many metres along it.
+pub(super) fn add_marked(update: &mut Update<'_, '_>, k: usize, (vertex, side): (VertexId, i8), along: f64) {
+    let outwards = update.strips.geometry(k).normal() * f64::from(side);
+    let particle = update.add_particle(vertex, outwards * (LEAST_SHARE * update.settings.wound.gap));
+    update.strips.wounds.push(WoundMark { particle, strip: k as u32, along, side: i32::from(side), padding: 0 });
+}
+
+/// How many more wound particles the slit that starts at strip `start` may have.
+pub(super) fn room_for_marks(update: &Update<'_, '_>, start: usize) -> usize {
+    update.settings.wound.max_particles.saturating_sub(slit_marks(update.strips, start).count())
 }
 
 /// Live lips of a strip.
@@ -210,7 +219,7 @@ pub fn release_slit(
             let marks = slit_marks(update.strips, start).filter(|m| m.side == i32::from(side));
             let furthest = marks.map(|m| update.strips.stretch(m.strip as usize).0 + m.along).fold(f64::NEG_INFINITY, f64::max);
             if furthest < before + length - 0.5 * wound.spacing {
-                let room = wound.max_particles.saturating_sub(slit_marks(update.strips, start).count());
+                let room = room_for_marks(&update, start);
                 add_at(&mut update, stretch, length, side, room);
             }
         }

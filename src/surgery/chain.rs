@@ -74,8 +74,8 @@ impl ChainBuilder {
         self.maker.skipped
     }
 
-    /// The quads that the next boxes may be built from: the joints where the last boxes ended, and the sample after them (a degenerate quad tip, tip, top, top). Re-pose the corners with the tissue
-    /// before the next push (MATHS 5.5): they are brought back into a plane then, and stay as they are, bit for bit, if
+    /// The quads that the next boxes may be built from: the joints where the last boxes ended, and the sample after them (a
+    /// degenerate quad tip, tip, top, top). Re-pose the corners with the tissue before the next push (MATHS 5.5): they are brought back into a plane then, and stay as they are, bit for bit, if
     /// none was moved. The list changes with every push.
     pub fn pending_quads_mut(&mut self) -> impl Iterator<Item = PendingQuad<'_>> {
         let last = self.last.as_mut().map(Blade::pending);

@@ -58,10 +58,15 @@ pub fn scene_of(name: &str, faces: usize, soft: bool) -> (Scene, bool) {
 
 /// The heart with its default number of faces, and with as many particles as a user's, which lets its wounds open in half a second.
 pub fn heart() -> Scene {
-    let model = model("heart", 18_000);
+    users_scene("heart", 18_000, 0.5)
+}
+
+/// A model with about `faces` faces and as many particles as a user's; its wounds open in so many seconds.
+pub fn users_scene(name: &str, faces: usize, opening_s: f64) -> Scene {
+    let model = model(name, faces);
     let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
     let particles = ParticleSettings { seed: 1, ..ParticleSettings::for_count(&model.mesh, &rest, 200) };
-    let settings = TissueSettings { particles: Some(particles), opening_s: 0.5, ..settings(&model) };
+    let settings = TissueSettings { particles: Some(particles), opening_s, ..settings(&model) };
     let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
     Scene::new(Tissue::new(model, &settings).unwrap(), tools)
 }
