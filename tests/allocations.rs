@@ -70,7 +70,7 @@ fn no_frame_of_a_stroke_allocates_neither_its_first_nor_its_last() {
 
 /// Strokes that turn, dive, cross each other and each other's wounds, with walls, without, of any width, in a heart that beats: nothing is
 /// allocated while they go on. Where something comes off at the end the rest of a run is not looked at: pieces make arrays of their
-/// own, and so does what is left of one that crumbs came off; nor where the model has grown by what there was room for.
+/// own, and so does what is left of one that crumbs with particles came off; nor where the model has grown by what there was room for.
 #[test]
 #[cfg_attr(debug_assertions, ignore = "where assertions are checked, those of an end allocate")]
 fn no_frame_of_a_wild_stroke_allocates() {

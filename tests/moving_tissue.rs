@@ -6,7 +6,7 @@ use common::models::users_scene;
 use common::{border_loops, open_half_edges};
 use glam::DVec3;
 use incise::geometry::{Components, Mesh};
-use incise::scene::{EditCommand, Scene};
+use incise::scene::{EditCommand, Outcome, Scene};
 use incise::surgery::{BladePose, WallMode};
 
 const STEP: f64 = 1.0 / 90.0;
@@ -81,4 +81,50 @@ fn bridges_are_counted() {
     }
     scene.edit(EditCommand::StrokeEnd);
     assert!(all(&scene) > 0);
+}
+
+/// A blade over the edge of a bar, whose wound opens behind it: a flake of two skins with nothing between them comes off.
+#[test]
+fn a_flake_without_thickness_is_no_piece() {
+    let path = [
+        ([0.2674, -0.0758, 0.0532], [0.2125, -0.0280, 0.3636]),
+        ([0.2685, -0.0696, 0.0532], [0.2137, -0.0219, 0.3636]),
+        ([0.2690, -0.0641, 0.0532], [0.2142, -0.0164, 0.3636]),
+        ([0.2681, -0.0600, 0.0532], [0.2133, -0.0123, 0.3636]),
+        ([0.2656, -0.0576, 0.0532], [0.2108, -0.0098, 0.3636]),
+        ([0.2614, -0.0568, 0.0532], [0.2066, -0.0090, 0.3636]),
+        ([0.2560, -0.0573, 0.0532], [0.2012, -0.0096, 0.3636]),
+        ([0.2498, -0.0585, 0.0532], [0.1950, -0.0108, 0.3636]),
+        ([0.2436, -0.0598, 0.0532], [0.1888, -0.0120, 0.3636]),
+        ([0.2382, -0.0603, 0.0532], [0.1834, -0.0125, 0.3636]),
+        ([0.2341, -0.0594, 0.0532], [0.1793, -0.0117, 0.3636]),
+        ([0.2317, -0.0569, 0.0532], [0.1768, -0.0092, 0.3636]),
+        ([0.2309, -0.0527, 0.0532], [0.1760, -0.0050, 0.3636]),
+        ([0.2313, -0.0472, 0.0532], [0.1765, 0.0005, 0.3636]),
+        ([0.2325, -0.0410, 0.0532], [0.1777, 0.0067, 0.3636]),
+        ([0.2337, -0.0348, 0.0532], [0.1789, 0.0129, 0.3636]),
+        ([0.2341, -0.0294, 0.0532], [0.1793, 0.0183, 0.3636]),
+        ([0.2332, -0.0254, 0.0532], [0.1783, 0.0223, 0.3636]),
+        ([0.2306, -0.0230, 0.0532], [0.1758, 0.0247, 0.3636]),
+        ([0.2264, -0.0222, 0.0532], [0.1715, 0.0255, 0.3636]),
+        ([0.2209, -0.0228, 0.0532], [0.1660, 0.0249, 0.3636]),
+    ];
+    let mut scene = users_scene("beam", 600, 0.3);
+    scene.set_wall(WallMode::Closed);
+    let before = scene.edit_hash();
+    scene.edit(EditCommand::StrokeBegin { width: 0.0018706149184595465 });
+    for (i, (tip, base)) in path.into_iter().enumerate() {
+        let t = i as f64 / 45.0;
+        scene.edit(EditCommand::StrokePose(BladePose { t, tip: tip.into(), base: base.into() }));
+        scene.pose(t, 0.0);
+        scene.step(1.0 / 45.0);
+    }
+    let report = scene.edit(EditCommand::StrokeEnd).pop().unwrap();
+    assert_eq!((report.outcome, report.pieces.len(), scene.validate()), (Outcome::Torn, 1, Ok(())));
+    let (_, tissue) = scene.tissues().next().unwrap();
+    assert_eq!(open_half_edges(tissue.mesh()).len(), 0);
+    let clipped: f64 = report.segments.iter().map(|s| s.area_removed).sum();
+    assert!(report.area_removed > clipped + 1e-6, "nothing has come off: {} and {clipped}", report.area_removed);
+    let torn = scene.edit_hash();
+    assert!(scene.undo() && scene.edit_hash() == before && scene.redo() && scene.edit_hash() == torn);
 }

@@ -167,14 +167,9 @@ impl Mesh {
     }
 
     /// Removes whole components: `faces` (live, each once), and `vertices`, which are theirs alone; with a face of a section that
-    /// `is_whole` (known to be connected in itself) all of it goes. Wedges, opposites and links of the dead slots stay as they are:
+    /// is `whole` (known to be connected in itself; sections beyond the list are not) all of it goes. Wedges, opposites and links of the dead slots stay as they are:
     /// whoever takes a slot writes them anew.
-    pub fn remove_components(
-        &mut self,
-        faces: &[FaceId],
-        vertices: impl Iterator<Item = VertexId>,
-        is_whole: impl Fn(SectionId) -> bool,
-    ) {
+    pub fn remove_components(&mut self, faces: &[FaceId], vertices: impl Iterator<Item = VertexId>, whole: &[bool]) {
         self.faces.update(faces.iter().map(|f| f.index()), |_| [VertexId::NONE; 3]);
         debug_assert!(faces.iter().all(|f| {
             let across = self.opposite[f.index()].into_iter().filter(|h| h.is_some());
@@ -182,16 +177,15 @@ impl Mesh {
         }));
         self.free_faces.extend(faces);
         self.vertex_half_edge.update(vertices.map(VertexId::index), |_| HalfEdge::NONE);
-        let is_whole: Vec<bool> = (0..self.sections()).map(|s| is_whole(SectionId::new(s))).collect();
-        self.unlink_dead(faces, &is_whole);
+        self.unlink_dead(faces, whole);
     }
 
     /// Takes faces that have just died out of their sections: what is left of a list closes over each run of them. Nothing is
-    /// left of those that `is_whole`.
-    fn unlink_dead(&mut self, faces: &[FaceId], is_whole: &[bool]) {
+    /// left of those that are `whole`.
+    fn unlink_dead(&mut self, faces: &[FaceId], whole: &[bool]) {
         for &f in faces {
             let section = self.face_info[f.index()].section.index();
-            if is_whole[section] {
+            if whole.get(section) == Some(&true) {
                 if self.section_head[section].is_some() {
                     self.section_head.set(section, FaceId::NONE);
                 }
@@ -252,7 +246,7 @@ pub(super) mod tests {
         assert_eq!(map.vertex_from[..2], [VertexId(1), VertexId(6)]);
         assert_eq!(map.section_from, [SectionId(1), SectionId(0)]);
         let mut rest = mesh.clone();
-        rest.remove_components(&second, map.vertex_from.iter().copied().filter(|v| v.0 > 5), |_| false);
+        rest.remove_components(&second, map.vertex_from.iter().copied().filter(|v| v.0 > 5), &[]);
         assert_eq!(rest.validate(), Ok(()));
         assert_eq!((rest.face_count(), rest.live_vertices().count()), (8, 6));
         let hash = |mesh: &Mesh| {

@@ -96,6 +96,12 @@ impl ParticleMap {
         part
     }
 
+    /// Lets go of vertices (each once) that have left `mesh`. Their particles stay: none is anchored in them.
+    pub fn let_go(&mut self, mesh: &Mesh, gone: impl Iterator<Item = VertexId>) {
+        self.influences.grow_rows(mesh.vertex_slots());
+        self.influences.clear_rows(gone.map(VertexId::index));
+    }
+
     /// Lets go of vertices (each once) that have left `mesh` with a piece, and of the particles that hold nothing else.
     /// `rest` has a position for every vertex slot.
     pub fn forget(
@@ -106,8 +112,7 @@ impl ParticleMap {
         gone: impl Iterator<Item = VertexId>,
     ) -> Forgotten {
         let mut done = Forgotten::default();
-        self.influences.grow_rows(mesh.vertex_slots());
-        self.influences.clear_rows(gone.map(VertexId::index));
+        self.let_go(mesh, gone);
         let left = |a: &VertexId| a.is_some() && !mesh.vertex_is_live(*a);
         let leaving: Vec<bool> = self.anchors.iter().map(left).collect();
         // a small piece is all that its particles hold, and a little more

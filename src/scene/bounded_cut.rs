@@ -39,7 +39,11 @@ impl Scene {
             let mut deltas = Vec::new();
             note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas);
             report.bytes_uploaded += if self.measuring { upload_bytes(&deltas) } else { 0 };
-            let severed = report.stages.time("components", || before.new_components(tissue));
+            let (crumbs, severed) = report.stages.time("components", || {
+                let crumbs = before.drop_crumbs(tissue, 0.0);
+                (crumbs, before.new_components(tissue))
+            });
+            report.area_removed += crumbs;
             let made = self.separate(id, severed, deltas, &mut unit, &mut report);
             let side = |scene: &Self, id: TissueId| match scene.tissues.get(&id) {
                 Some(tissue) if !made.is_empty() => tissue.side_of(&local),

@@ -4,7 +4,7 @@ use super::changes::Changes;
 use super::report::{EditReport, Outcome};
 use super::{Scene, TissueId};
 use crate::geometry::room::rows_headroom;
-use crate::geometry::{Distinct, FaceId, PartsBefore, VertexId};
+use crate::geometry::{Distinct, FaceId, Mesh, Part, PartsBefore, VertexId};
 use crate::surgery::{BladePose, Sampling};
 use crate::tissue::stroke::TearStroke;
 use crate::tissue::{Tissue, TissueDelta};
@@ -19,6 +19,7 @@ pub(super) struct Before {
     /// Scratch: the largest part of each component there was, by the component.
     largest: Vec<(u32, usize)>,
     keep: Vec<usize>,
+    crumbs: Vec<FaceId>,
 }
 
 /// Tissues that a stroke may go through before it has to find room for one more.
@@ -54,6 +55,7 @@ impl StrokeOf {
         tissue.make_room_for_parts(&mut before.parts);
         before.largest.reserve(PARTS);
         before.keep.reserve(PARTS);
+        before.crumbs.reserve(PARTS);
         let numbers = rows_headroom(16 * tissue.mesh().vertex_slots());
         let spare = |stroke| {
             let [undo, rest] = [4, 1].map(TissueDelta::with_room);
@@ -131,7 +133,7 @@ impl Scene {
             let Some(tissue) = self.tissues.get_mut(&ended.id) else { continue };
             ended.stroke.release(tissue);
             ended.note_changes(tissue, &mut self.changes, self.measuring);
-            let StrokeOf { id, ref stroke, ref mut before, ref mut undo, .. } = *ended;
+            let StrokeOf { id, ref stroke, ref mut before, .. } = *ended;
             report.area_before += before.area;
             report.volume_before += before.volume;
             add_segments(&mut report, stroke);
@@ -140,19 +142,21 @@ impl Scene {
             if !stroke.has_torn() {
                 continue;
             }
-            report.bytes_uploaded += ended.bytes;
-            let deltas = self.history.take_over(undo);
-            if report.outcome == Outcome::Missed {
-                report.outcome = Outcome::Torn;
-            }
-            let severed = report.stages.time("components", || {
-                let mut severed = before.new_components(tissue);
-                report.area_removed += tissue.drop_crumbs(&mut severed, stroke.shreds());
-                severed
+            let (crumbs, severed) = report.stages.time("components", || {
+                let crumbs = before.drop_crumbs(tissue, stroke.shreds());
+                (crumbs, before.new_components(tissue))
             });
-            if !severed.is_empty() {
-                report.outcome = Outcome::Severed;
+            if crumbs > 0.0 {
+                report.area_removed += crumbs;
+                ended.note_changes(tissue, &mut self.changes, self.measuring);
             }
+            report.bytes_uploaded += ended.bytes;
+            let deltas = self.history.take_over(&mut ended.undo);
+            report.outcome = match report.outcome {
+                _ if !severed.is_empty() => Outcome::Severed,
+                Outcome::Missed => Outcome::Torn,
+                before => before,
+            };
             self.separate(id, severed, deltas, &mut unit, &mut report);
         }
         // the last is taken first: each tissue finds its own again
@@ -198,12 +202,48 @@ impl Before {
         tissue.note_parts(&mut self.parts);
     }
 
-    /// Components that the stroke split off: of each component there was, all parts but the largest, with the cavities inside them.
+    /// Drops crumbs that have come off ([`Tissue::crumb_area`], which `shreds` is for). Returns their surface, square metres.
+    pub(super) fn drop_crumbs(&mut self, tissue: &mut Tissue, shreds: f64) -> f64 {
+        let now = tissue.parts();
+        self.find_largest(tissue.mesh(), &now);
+        let Self { keep, crumbs, .. } = self;
+        crumbs.clear();
+        let mut dropped = 0.0;
+        for (_, part) in now.iter().enumerate().filter(|(i, _)| !keep.contains(i)) {
+            if let Some(area) = tissue.crumb_area(part, shreds) {
+                crumbs.extend(part.all_faces(tissue.mesh()));
+                dropped += area;
+            }
+        }
+        tissue.keep_parts(now);
+        if !crumbs.is_empty() {
+            crumbs.sort_unstable();
+            tissue.drop_crumbs(crumbs);
+        }
+        dropped
+    }
+
+    /// Components that were split off: of each component there was, all parts but the largest, with the cavities inside them.
     /// Faces ascending.
     pub(super) fn new_components(&mut self, tissue: &mut Tissue) -> Vec<Vec<FaceId>> {
-        let Self { parts, largest, keep, .. } = self;
         let mut now = tissue.parts();
-        let mesh = tissue.mesh();
+        self.find_largest(tissue.mesh(), &now);
+        let keep = &self.keep;
+        for (cavity, around) in tissue.severed_cavities(&now, keep) {
+            let cavity = now[cavity].take();
+            now[around].absorb(cavity);
+        }
+        let left = now.iter().enumerate().filter(|(i, _)| !keep.contains(i));
+        let left: Vec<_> = left.map(|(_, part)| part.sorted_faces(tissue.mesh())).collect();
+        if left.is_empty() {
+            tissue.keep_parts(now);
+        }
+        left
+    }
+
+    /// Sets `keep` to the largest part of each component there was.
+    fn find_largest(&mut self, mesh: &Mesh, now: &[Part]) {
+        let Self { parts, largest, keep, .. } = self;
         largest.clear();
         for (i, part) in now.iter().enumerate() {
             let component = parts.of(mesh, part);
@@ -215,15 +255,5 @@ impl Before {
         }
         keep.clear();
         keep.extend(largest.iter().map(|l| l.1));
-        for (cavity, around) in tissue.severed_cavities(&now, keep) {
-            let cavity = now[cavity].take();
-            now[around].absorb(cavity);
-        }
-        let left = now.iter().enumerate().filter(|(i, _)| !keep.contains(i));
-        let left: Vec<_> = left.map(|(_, part)| part.sorted_faces(mesh)).collect();
-        if left.is_empty() {
-            tissue.keep_parts(now);
-        }
-        left
     }
 }

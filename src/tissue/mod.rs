@@ -188,6 +188,7 @@ struct TissueScratch {
     double_edges: double_edges::DoubleEdgeScratch,
     /// What an edit that was taken back had changed.
     taken_back: MeshDelta,
+    crumbs: Vec<VertexId>,
     /// Versions of the pose and of the structure for which all particles are at rest, and told where that is.
     rests: Option<[u64; 2]>,
 }
@@ -532,6 +533,7 @@ impl Tissue {
         self.scratch.corners.reserve(EDIT_ROOM);
         self.scratch.double_edges.make_room();
         self.scratch.taken_back.make_room(1);
+        self.scratch.crumbs.reserve(EDIT_ROOM);
         if !self.rig.skins.is_empty() {
             self.scratch.chords.make_room(with_headroom(self.rest.len()));
         }

@@ -4,7 +4,7 @@
 //! bounds, and the particles' matrix is cut out of the parent's.
 
 use super::{SoftLayer, Tissue};
-use crate::geometry::{Components, Extraction, FaceId, HalfEdge, ParticleId, SectionId, VertexId};
+use crate::geometry::{Components, Extraction, FaceId, HalfEdge, Part, ParticleId, SectionId, VertexId};
 use crate::particles::{ParticleMap, RowBefore, StripsDerived};
 use crate::rig::{RowEntry, VertexRows};
 use glam::DVec3;
@@ -12,9 +12,16 @@ use std::sync::Arc;
 
 /// A piece whose sections are on average this much emptier than they may be gets new ones.
 const SPARSE: usize = 4;
-/// What is severed and has less surface than a square of this side, a fraction of the diagonal, is a crumb and no piece: rounding,
-/// or a shred of tissue that moved under the blade.
+/// What is severed and has less surface than a square of this side, a fraction of the diagonal, is a crumb and no piece.
 const CRUMB: f64 = 1e-4;
+/// What is thinner than this, a fraction of the diagonal, has no inside: its two skins differ by what positions are rounded to.
+const FLAT: f64 = 5e-6;
+/// Nor does it count as flat if its volume is more than this, in cubes of the diagonal.
+const FLAT_VOLUME: f64 = 1e-11;
+/// Shreds of tissue that moved are shorter than so many widths of the blade.
+const SHRED_LENGTH: f64 = 8.0;
+/// Solid shreds are thinner than this, in widths of the blade.
+const SHRED_THICKNESS: f64 = 0.05;
 /// Crumbs have no more faces than this.
 const MOST_CRUMB_FACES: usize = 64;
 /// From this share of changed particles on, the network is cut out anew: one in so many.
@@ -44,8 +51,8 @@ impl Tissue {
             let first = gone.len();
             gone.reserve(map.vertex_from.len());
             gone.extend(piece.mesh.live_vertices().map(|v| map.vertex_from[v.index()]));
-            let is_whole = |s: SectionId| self.tally.is_whole(s);
-            self.mesh.remove_components(faces, gone[first..].iter().copied(), is_whole);
+            let whole: Vec<bool> = (0..self.mesh.sections()).map(|s| self.tally.is_whole(SectionId::new(s))).collect();
+            self.mesh.remove_components(faces, gone[first..].iter().copied(), &whole);
             pieces.push(piece);
         }
         self.scratch.extraction = map;
@@ -53,52 +60,49 @@ impl Tissue {
         pieces
     }
 
-    /// Takes crumbs out of `parts` (as for [`Tissue::sever`]) and out of the tissue: where a blade crosses its own slit, corners that
-    /// no stored position can tell apart may come off. Parts of walls alone, and flakes without any, that are smaller than `shreds` metres
-    /// go, too. Returns
-    /// their surface, square metres.
-    pub fn drop_crumbs(&mut self, parts: &mut Vec<Vec<FaceId>>, shreds: f64) -> f64 {
-        let least = (CRUMB * self.diagonal()).powi(2);
-        let (mut gone, mut dropped, mut area_dropped) = (Vec::new(), false, 0.0);
-        parts.retain(|faces| {
-            let area = faces.iter().take(MOST_CRUMB_FACES).map(|&f| self.face_area(f)).sum::<f64>();
-            let is_crumb = faces.len() <= MOST_CRUMB_FACES && (area < least || self.is_shred(faces, shreds));
-            if is_crumb {
-                area_dropped += area;
-                if !std::mem::replace(&mut dropped, true) {
-                    self.note_edits();
-                }
-                let first = gone.len();
-                gone.extend(faces.iter().flat_map(|&f| self.mesh.face(f)));
-                gone[first..].sort_unstable();
-                gone.dedup();
-                self.mesh.remove_components(faces, gone[first..].iter().copied(), |_| false);
-            }
-            !is_crumb
-        });
-        if dropped {
-            self.forget(&gone);
-            self.versions.structure += 1;
+    /// The surface in square metres of a part that has come off, where it is a crumb and no piece: rounding, as where a blade crosses its
+    /// own slit and leaves corners that no stored position can tell apart, or flakes without thickness; or, in tissue that moved under
+    /// the blade, what is thinner than `shreds` metres: the ends of boxes do not quite meet there.
+    pub fn crumb_area(&self, part: &Part, shreds: f64) -> Option<f64> {
+        if part.faces > MOST_CRUMB_FACES {
+            return None;
         }
-        area_dropped
-    }
-
-    /// True for walls alone, and for flakes of an open surface, that reach less far than `size` metres.
-    fn is_shred(&self, faces: &[FaceId], size: f64) -> bool {
-        let is_wall = || faces.iter().all(|&f| self.mesh.face_info(f).is_interior());
-        let is_flake = || faces.iter().any(|&f| (0..3).any(|k| self.mesh.opposite(HalfEdge::of(f, k)).is_none()));
-        if size == 0.0 || !(is_wall() || is_flake()) {
-            return false;
-        }
-        let corners = || faces.iter().flat_map(|&f| self.mesh.face(f)).map(|v| self.position(v));
+        let faces = || part.all_faces(&self.mesh);
+        let corners = || faces().flat_map(|f| self.mesh.face(f)).map(|v| self.position(v));
         let low = corners().fold(DVec3::INFINITY, DVec3::min);
-        let high = corners().fold(DVec3::NEG_INFINITY, DVec3::max);
-        (high - low).length() < size
+        let size = (corners().fold(DVec3::NEG_INFINITY, DVec3::max) - low).length();
+        let (mut area, mut volume) = (0.0, 0.0);
+        for f in faces() {
+            let [a, b, c] = self.mesh.face(f).map(|v| self.position(v) - low);
+            area += 0.5 * (b - a).cross(c - a).length();
+            volume += a.dot(b.cross(c)) / 6.0;
+        }
+        let diagonal = self.diagonal();
+        let is_open = faces().any(|f| (0..3).any(|k| self.mesh.opposite(HalfEdge::of(f, k)).is_none()));
+        let thickness = 2.0 * volume.abs() / area;
+        let is_tiny = area < (CRUMB * diagonal).powi(2);
+        let is_flat = !is_open && thickness < FLAT * diagonal && volume.abs() < FLAT_VOLUME * diagonal.powi(3);
+        let is_shred = if is_open {
+            size < shreds || (size < SHRED_LENGTH * shreds && area < 0.5 * shreds * size)
+        } else {
+            let is_wall = || faces().all(|f| self.mesh.face_info(f).is_interior());
+            (size < shreds && is_wall()) || (size < SHRED_LENGTH * shreds && thickness < SHRED_THICKNESS * shreds)
+        };
+        (is_tiny || is_flat || is_shred).then_some(area)
     }
 
-    fn face_area(&self, f: FaceId) -> f64 {
-        let [a, b, c] = self.mesh.face(f).map(|v| self.position(v));
-        0.5 * (b - a).cross(c - a).length()
+    /// Takes out crumbs: `faces` (ascending, each once) of whole components.
+    pub fn drop_crumbs(&mut self, faces: &[FaceId]) {
+        self.note_edits();
+        let mut gone = std::mem::take(&mut self.scratch.crumbs);
+        gone.clear();
+        gone.extend(faces.iter().flat_map(|&f| self.mesh.face(f)));
+        gone.sort_unstable();
+        gone.dedup();
+        self.mesh.remove_components(faces, gone.iter().copied(), &[]);
+        self.forget(&gone);
+        self.scratch.crumbs = gone;
+        self.versions.structure += 1;
     }
 
     /// Each of a piece's first vertices, with the one of the tissue it came off that it was.
@@ -168,6 +172,12 @@ impl Tissue {
 
     /// After pieces have left with the vertices `gone`: particles that hold nothing else go too.
     fn forget(&mut self, gone: &[VertexId]) {
+        if let Some(SoftLayer { map, .. }) = &mut self.layer
+            && map.anchors.iter().all(|a| a.is_none() || self.mesh.vertex_is_live(*a))
+        {
+            map.let_go(&self.mesh, gone.iter().copied());
+            return;
+        }
         // particles that have lost neighbours turn otherwise, which moves all that they hold
         let turns = self.layer.as_ref().is_some_and(|l| l.network.settings().rotations);
         let stood: Vec<(VertexId, DVec3)> =

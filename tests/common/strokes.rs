@@ -22,7 +22,7 @@ impl HeartStrokes {
     /// Input of frame `number`; sets the walls where a stroke begins.
     pub fn input(app: &mut App, number: u32) -> InputFrame {
         let (stroke, k) = (number / STROKE, number % STROKE);
-        let (x, y) = (0.002 * f64::from(k) - 0.05, 0.0275 - 0.006 * f64::from(stroke));
+        let (x, y) = (0.002 * f64::from(k) - 0.05, 0.028 - 0.006 * f64::from(stroke));
         let (tip, base) = (DVec3::new(x, y, 0.02), DVec3::new(x, y, 0.12));
         let pose = EditCommand::StrokePose(BladePose { t: f64::from(k) / 90.0, tip, base });
         let commands = match k {
