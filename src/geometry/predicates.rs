@@ -130,6 +130,13 @@ fn with_sign(value: f64, sign: i32) -> f64 {
     }
 }
 
+/// `a * d - b * c`, right to a few units in its last place, however much the products cancel; short of underflow.
+#[inline]
+pub fn det2(a: f64, b: f64, c: f64, d: f64) -> f64 {
+    let (p, q) = (a * d, b * c);
+    (p - q) + (a.mul_add(d, -p) - b.mul_add(c, -q))
+}
+
 /// Exact sign of `a * d - b * c`. Rounding is monotone, so the rounded products decide unless they are equal.
 #[inline]
 pub fn sign_det2(a: f64, b: f64, c: f64, d: f64) -> i32 {

@@ -4,7 +4,7 @@
 //! crossing of a face edge with a plane, or the meeting of two planes inside the face, and each sign is an exact
 //! determinant of the corners' plane values. So the result is a convex polygon whatever the rounding.
 
-use crate::geometry::predicates::{sign_det2, sign_det3};
+use crate::geometry::predicates::{det2, sign_det2, sign_det3};
 
 /// Planes a body can have: two joints and four sides of two triangles each.
 pub const MAX_PLANES: usize = 10;
@@ -175,15 +175,33 @@ pub fn point_weights(point: Point, values: &[&PlaneValues; 3]) -> [f64; 3] {
             let (k, m) = (k as usize, m as usize);
             let raw: [f64; 3] = std::array::from_fn(|i| {
                 let (p, q) = ((i + 1) % 3, (i + 2) % 3);
-                values[p][k] * values[q][m] - values[q][k] * values[p][m]
+                // two planes may meet the face in lines that all but coincide: the products cancel to nothing but rounding
+                det2(values[p][k], values[q][k], values[p][m], values[q][m])
             });
             let total = raw[0] + raw[1] + raw[2];
             let clamped = raw.map(|w| (w * total.signum()).max(0.0));
             let sum: f64 = clamped.iter().sum();
-            weights = if sum > 0.0 { clamped.map(|w| w / sum) } else { [1.0 / 3.0; 3] };
+            weights = if sum > 0.0 { clamped.map(|w| w / sum) } else { middle_of_line(values, k) };
         }
     }
     weights
+}
+
+/// The middle of the line in which plane `k` crosses a face.
+fn middle_of_line(values: &[&PlaneValues; 3], k: usize) -> [f64; 3] {
+    let mut weights = [0.0; 3];
+    for (i, j) in [(0, 1), (1, 2), (2, 0)] {
+        let (a, b) = (values[i][k], values[j][k]);
+        if sign(a) * sign(b) < 0 {
+            let t = edge_parameter(a, b);
+            weights[i] += 1.0 - t;
+            weights[j] += t;
+        } else if a == 0.0 {
+            weights[i] += 1.0;
+        }
+    }
+    let sum: f64 = weights.iter().sum();
+    if sum > 0.0 { weights.map(|w| w / sum) } else { [1.0 / 3.0; 3] }
 }
 
 /// Where an edge with end values `a` and `b` of opposite signs crosses zero: 0 at `a`, 1 at `b`, strictly between.
@@ -214,6 +232,23 @@ mod tests {
     fn a_face_in_a_plane_is_outside() {
         let v = values(&[[0.0, 0.0, 0.0]]);
         assert!(!ClippedFace::default().clip(&[&v[0], &v[1], &v[2]], 1));
+    }
+
+    /// Planes that cross a face in all but the same line meet on that line, whatever rounding makes of the products.
+    #[test]
+    fn planes_that_all_but_coincide_meet_on_their_line() {
+        let row = [0.3, -0.7, 0.11];
+        for (n, by) in [1e-9, 1e-13, 1e-15, 3e-16].into_iter().enumerate() {
+            let tilted = [row[0] * (1.0 + by), row[1], row[2] * (1.0 - 2.0 * by)];
+            let v = values(&[row, tilted]);
+            let refs = [&v[0], &v[1], &v[2]];
+            let weights = point_weights(Point::Inner { planes: [0, 1] }, &refs);
+            let value = |weights: [f64; 3]| (0..3).map(|i| weights[i] * row[i]).sum::<f64>();
+            assert!(value(weights).abs() < 1e-15, "{n}: {weights:?}");
+            let middle = middle_of_line(&refs, 0);
+            assert!(value(middle).abs() < 1e-15 && middle.iter().all(|w| *w > 0.0), "{middle:?}");
+            assert!(value([1.0 / 3.0; 3]).abs() > 0.05, "the middle of the face is not on it");
+        }
     }
 
     proptest! {
