@@ -6,10 +6,10 @@ mod common;
 use common::models::{heart, scene, users_scene};
 use common::open_half_edges;
 use glam::DVec3;
-use incise::geometry::{HalfEdge, ParticleId, StateHash};
+use incise::geometry::{HalfEdge, ParticleId, StateHash, VertexId};
 use incise::particles::ParticleMap;
 use incise::scene::{EditCommand, Scene};
-use incise::surgery::BladePose;
+use incise::surgery::{BladePose, WallMode};
 use incise::tissue::Tissue;
 
 const STEP: f64 = 1.0 / 90.0;
@@ -414,4 +414,52 @@ fn a_wound_over_an_edge_goes_on_down_the_side() {
         assert!(top > 0.5 * gap && middle > 0.4 * top, "{top}, {middle} of {gap}");
         assert!(bottom < 0.25 * top, "{bottom} of {top}");
     }
+}
+
+/// A straight stroke over the front of a ball of radius 0.5, `y` metres off its middle.
+fn stroke_over_the_front(scene: &mut Scene, y: f64, begins: f64) {
+    scene.edit(EditCommand::StrokeBegin { width: 0.0017 });
+    for k in 0..=45 {
+        let (x, t) = (-0.25 + 0.5 * f64::from(k) / 45.0, begins + f64::from(k) * STEP);
+        let (tip, base) = (DVec3::new(x, y, 0.4), DVec3::new(1.3 * x, y, 1.0));
+        scene.edit(EditCommand::StrokePose(BladePose { t, tip, base }));
+        scene.pose(t, 0.0);
+        scene.step(STEP);
+    }
+    scene.edit(EditCommand::StrokeEnd);
+    for k in 46..110 {
+        scene.pose(begins + f64::from(k) * STEP, 0.0);
+        scene.step(STEP);
+    }
+}
+
+/// How far lips of the skin have moved apart, in the middle of the wound: vertices and the way of each, metres.
+fn opened_lips(scene: &Scene) -> Vec<(VertexId, f64)> {
+    let tissue = only(scene);
+    let mesh = tissue.mesh();
+    let is_wall = |h: HalfEdge| mesh.face_info(h.face()).is_interior();
+    let is_lip = |v: &VertexId| mesh.fan(*v).any(is_wall) && !mesh.fan(*v).all(is_wall);
+    let in_middle = |v: &VertexId| tissue.rest_positions()[v.index()].x.abs() < 0.15;
+    let lips = mesh.live_vertices().filter(is_lip).filter(in_middle);
+    lips.map(|v| (v, (tissue.position(v) - tissue.rest_positions()[v.index()]).y.abs())).collect()
+}
+
+/// A blade that goes on in a wound that stands open cuts its floor, in the air between the lips: they stay where they are. What it swept
+/// there is inside the tissue at rest, and parted single vertices of the lips from the particles that hold them open.
+#[test]
+fn a_stroke_in_an_open_wound_leaves_its_lips_smooth() {
+    let mut scene = users_scene("sphere", 17_328, 0.3);
+    scene.set_wall(WallMode::Closed);
+    stroke_over_the_front(&mut scene, 0.0, 0.0);
+    let before = opened_lips(&scene);
+    stroke_over_the_front(&mut scene, 0.003, 2.0);
+    let mut seen = 0;
+    for (v, way) in opened_lips(&scene) {
+        let Some((_, was)) = before.iter().find(|lip| lip.0 == v) else { continue };
+        assert!((way - was).abs() < 0.15 * was, "{v:?} was {was} off its place and is {way}");
+        seen += 1;
+    }
+    assert!(seen > 60 && before.iter().all(|lip| lip.1 > 0.01), "{seen} lips, {before:?}");
+    let strips = only(&scene).layer().unwrap().strips.as_slice();
+    assert!(strips.iter().filter(|s| s.is_beside() && s.reach == 0.0).count() > 8, "the second stroke has cut the floor");
 }

@@ -28,7 +28,7 @@ impl Tissue {
         lips.extend(points.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }));
         // where all vertices are seen where they are at rest, nothing differs
         let Some(layer) = self.layer.as_ref().filter(|_| self.posed().rest.is_none()) else { return };
-        let cut = StripGeometry::new([tip, next_tip, next_base, base], layer.settings.radius);
+        let cut = StripGeometry::new([tip, next_tip, next_base, base], layer.strips.as_slice()[strip].reach);
         let (at_rest, first_new) = (layer.strips.geometry(strip), made.first().map_or(VertexId::NONE, |n| n.vertex));
         let mut next = 0;
         while next < lips.len().min(MOST_LOOKED_AT) {

@@ -8,6 +8,8 @@ mod joint_fit;
 mod segment_report;
 #[path = "slit_stroke.rs"]
 mod slit_stroke;
+#[path = "strip_ends.rs"]
+mod strip_ends;
 #[path = "stroke_room.rs"]
 mod stroke_room;
 #[path = "stroke_ties.rs"]
@@ -380,7 +382,7 @@ impl TearStroke {
             self.bind(tissue, tear_box, start, &mut report)
         } else {
             self.near.clear();
-            self.rest_edge(tissue, tear_box, 1)
+            self.rest_edge(tissue, tear_box.blades[1])
         };
         self.keep_end(tissue, tear_box, &planes, (&before, end));
         self.spare_ended.push(before);
@@ -526,18 +528,22 @@ impl TearStroke {
         report.new_vertices = step.new_vertices.len();
         report.intersection_points = step.intersection_points;
         report.area_removed = step.area_removed;
-        let start = start.unwrap_or_else(|| self.rest_edge(tissue, tear_box, 0));
-        let end = self.rest_edge(tissue, tear_box, 1);
+        // in an open wound, what the blade swept above what it cut was air, and is elsewhere at rest
+        let is_in_wound = self.is_in_wound(tissue, tear_box);
+        let blades = [0, 1].map(|end| if is_in_wound { self.cut_part(tissue, tear_box, end) } else { tear_box.blades[end] });
+        let start = start.unwrap_or_else(|| self.rest_edge(tissue, blades[0]));
+        let end = self.rest_edge(tissue, blades[1]);
         let strip = report.stages.time("disconnect_particles", || {
             let layer = tissue.layer.as_mut()?;
             let corners = [start[0], end[0], end[1], start[1]];
-            layer.strips.push_strip(corners, layer.settings.radius, self.slit, step.skin_cut == 0).ok()
+            let reach = if is_in_wound { 0.0 } else { layer.settings.radius };
+            layer.strips.push_strip(corners, reach, self.slit, step.skin_cut == 0).ok()
         });
         let Self { lips, removed, positions, .. } = self;
         lips.clear();
         if let Some(strip) = strip {
             let seen = |v| positions.of(tissue, v);
-            tissue.list_lips((strip, tear_box.blades), (&step.lips, &step.new_vertices), seen, lips);
+            tissue.list_lips((strip, blades), (&step.lips, &step.new_vertices), seen, lips);
         }
         removed.clear();
         removed.extend(step.touched.iter().filter(|&&v| !tissue.mesh.vertex_is_live(v)));
@@ -555,20 +561,6 @@ impl TearStroke {
         tissue.versions.structure += 1;
         self.close_notes(tissue, report);
         end
-    }
-
-    /// The blade `[tip, top]` at one end of a box, carried to rest space by the nearest surface vertex. It ends not far above what was
-    /// torn: a vertex's frame holds near it, and the next box may have another.
-    fn rest_edge(&self, tissue: &Tissue, tear_box: &TearBox, end: usize) -> [DVec3; 2] {
-        let [tip, top] = tear_box.blades[end];
-        let seen = |v| self.positions.of(tissue, v);
-        let share = |v: &VertexId| (seen(*v) - tip).dot(top - tip) / (top - tip).length_squared();
-        let highest = self.near.iter().filter(|v| tissue.mesh.vertex_is_live(**v)).map(share).fold(0.0, f64::max);
-        let top = if highest > 0.0 && highest < 0.5 { tip.lerp(top, 2.0 * highest) } else { top };
-        match nearest_of(tissue, &self.near, top, &seen).or_else(|| nearest_vertex(tissue, &self.candidates, top, &seen)) {
-            Some(v) => [tip, top].map(tissue.rest_frame(v)),
-            None => [tip, top],
-        }
     }
 }
 
