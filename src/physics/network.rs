@@ -314,6 +314,19 @@ impl Network {
         }
     }
 
+    /// Where a particle rests from now on (metres), with the particle: it is as far off its rest as it was, and whoever sleeps sleeps on.
+    /// True if that is elsewhere than before.
+    pub fn carry_rest(&mut self, particle: ParticleId, rest: DVec3) -> bool {
+        let Some(row) = self.accept(particle, &[rest]) else { return false };
+        let rest = padded(rest);
+        let moves = self.rest[row] != rest;
+        if moves {
+            (self.rest[row], self.next_rest[row]) = (rest, rest);
+            self.displacement[particle.index()] = unpadded(&self.u(row)).into();
+        }
+        moves
+    }
+
     /// The external force on a particle, N, from now on until it is changed; constant over a step.
     pub fn set_force(&mut self, particle: ParticleId, force: DVec3) {
         let Some(row) = self.accept(particle, &[force]) else { return };

@@ -101,7 +101,7 @@ impl Tissue {
     pub fn step(&mut self, step_s: f64) {
         self.push_particles(step_s);
         let Some(layer) = &mut self.layer else { return };
-        let TissueScratch { step, rest_displacements, hands, rests, .. } = &mut self.scratch;
+        let TissueScratch { step, rest_displacements, hands, rests, stepped, .. } = &mut self.scratch;
         let Hands { grabs, anchors, followed, followers, pulls } = hands;
         let stands = !layer.network.awake() && !layer.is_opening() && grabs.is_empty();
         let now = Some([self.versions.pose, self.versions.structure]);
@@ -109,6 +109,9 @@ impl Tissue {
             return;
         }
         *rests = now.filter(|_| stands);
+        let before = stepped.replace([self.versions.pose, self.versions.structure]);
+        let is_posed = before.is_some_and(|[pose, structure]| pose != self.versions.pose && structure == self.versions.structure);
+        let is_carried = is_posed && grabs.is_empty() && followed.is_empty() && layer.carry_wounds(&self.rows, &self.pose);
         layer.open_wounds(step_s, self.diagonal);
         let SoftLayer { map, strips, settings, .. } = &*layer;
         let (rest, opened) = (&self.rest, |p: usize| layer.opened(p, &self.rows, &self.pose));
@@ -132,8 +135,11 @@ impl Tissue {
         }
         let network = &mut layer.network;
         network.set_rest_displacements(rest_displacements);
-        if network.awake() {
+        let is_awake = network.awake();
+        if is_awake {
             network.step(step_s, step);
+        }
+        if is_awake || is_carried {
             self.versions.displacements += 1;
             self.refresh_turns();
         }

@@ -191,6 +191,8 @@ struct TissueScratch {
     crumbs: Vec<VertexId>,
     /// Versions of the pose and of the structure for which all particles are at rest, and told where that is.
     rests: Option<[u64; 2]>,
+    /// Versions of the pose and of the structure at the last step.
+    stepped: Option<[u64; 2]>,
 }
 
 /// Vertices that an edit makes, as many as there is room for at first.
@@ -218,6 +220,18 @@ impl SoftLayer {
                 *now = if missing.length() > OPENED * diagonal { goal + missing } else { goal };
             }
         }
+    }
+
+    /// Wound particles go with their anchors as `pose` turns those: nobody wakes. True if any has gone.
+    fn carry_wounds(&mut self, rows: &VertexRows, pose: &Pose) -> bool {
+        let mut any = false;
+        for p in 0..self.opening.len().min(self.map.len()) {
+            if self.opening[p] != DVec3::ZERO {
+                let rest = self.opened(p, rows, pose);
+                any |= self.network.carry_rest(ParticleId::new(p), rest);
+            }
+        }
+        any
     }
 
     /// How far its wound has drawn a particle aside by now, metres, as `pose` turns it.
