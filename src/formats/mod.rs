@@ -25,6 +25,8 @@ mod weld;
 
 #[cfg(test)]
 mod import_tests;
+#[cfg(test)]
+mod placement_tests;
 
 pub use error::FormatError;
 pub use gltf_export::{ExportPiece, ExportReport, export_glb};
