@@ -102,3 +102,70 @@ fn joints_that_disagree_keep_the_winding() {
     trs.scale.y = 0.0;
     assert!(inspected(&read(&glb_writer::write(&scene).unwrap()).unwrap()).volume > 0.0);
 }
+
+/// The faces of nested tetrahedra as OBJ: `size`, and whether each is turned inward.
+fn nested(parts: &[(f64, bool)]) -> String {
+    let mut text = String::new();
+    for (part, &(size, _)) in parts.iter().enumerate() {
+        let at = 0.1 * part as f64;
+        for corner in [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
+            let [x, y, z] = corner.map(|x| 50.0 + at + size * x);
+            text += &format!("v {x} {y} {z}\n");
+        }
+    }
+    for (part, &(_, inward)) in parts.iter().enumerate() {
+        for [a, b, c] in [[1, 3, 2], [1, 2, 4], [1, 4, 3], [2, 3, 4]].map(|f| f.map(|v| v + 4 * part)) {
+            text += &if inward { format!("f {a} {c} {b}\n") } else { format!("f {a} {b} {c}\n") };
+        }
+    }
+    text
+}
+
+fn warnings(obj: &str) -> Vec<String> {
+    load_bytes(obj.as_bytes(), Format::Obj, "", None).unwrap().report.warnings
+}
+
+#[test]
+fn a_closed_model_that_is_inside_out_is_told() {
+    let told = warnings(&nested(&[(1.0, true)]));
+    assert!(told.len() == 1 && told[0].contains("inside out") && told[0].contains("recalculate the normals"), "{told:?}");
+    assert_eq!(warnings(&nested(&[(0.2, false), (1.0, true)])).len(), 1, "the whole counts");
+    // the controls: a solid, one with a cavity, one without volume, and an open one
+    assert!(warnings(&nested(&[(1.0, false)])).is_empty());
+    assert!(warnings(&nested(&[(1.0, false), (0.2, true)])).is_empty(), "a cavity faces inward");
+    let sheet = "v 0 0 0\nv 1 0 0\nv 0.3 1 0.2\nf 1 2 3\nf 3 2 1\n";
+    assert!(warnings(sheet).is_empty());
+    let open = nested(&[(1.0, true)]).replace("f 2 4 3\n", "");
+    assert!(warnings(&open).is_empty());
+    for name in BUNDLED {
+        assert!(load(name).unwrap().report.warnings.is_empty(), "{name}");
+    }
+}
+
+#[test]
+fn a_skinned_model_is_judged_as_posed() {
+    let mut scene = beam_scene_parts();
+    for node in &mut scene.nodes {
+        let LocalTransform::Trs(trs) = &mut node.local else { panic!() };
+        trs.scale.y = if node.parent.is_some() { -1.0 } else { 0.1 };
+    }
+    let told = |scene: &GlbScene<'_>| {
+        let bytes = glb_writer::write(scene).unwrap();
+        load_bytes(&bytes, Format::Gltf, "", None).unwrap().report.warnings
+    };
+    assert!(told(&scene).is_empty(), "{:?}", told(&scene));
+    scene.skins[0].joints[1].1.matrix3.y_axis.y = 20.0;
+    assert_eq!(told(&scene).len(), 1, "the joint that mirrors has most of the volume");
+}
+
+#[test]
+fn faces_that_are_wound_against_each_other_are_told() {
+    let flipped = nested(&[(1.0, false)]).replace("f 2 3 4\n", "f 2 4 3\n");
+    let told = warnings(&flipped);
+    assert!(told.len() == 1 && told[0].contains("at 3 edges") && told[0].contains("recalculate the normals"), "{told:?}");
+    let soup = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nv 1 0 0\nv 0 -1 0\nf 1 2 3\nf 4 5 6\n";
+    assert!(warnings(soup)[0].contains("at 1 edge:"), "copies of vertices too");
+    // the controls: wound alike, and an edge with three faces
+    assert!(warnings(&soup.replace("f 4 5 6", "f 4 6 5")).is_empty());
+    assert!(warnings("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n").is_empty());
+}
