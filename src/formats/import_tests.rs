@@ -168,7 +168,7 @@ pub(super) fn beam_scene_parts() -> GlbScene<'static> {
 }
 
 /// Rewrites the JSON chunk of a .glb.
-fn edit_json(bytes: &[u8], change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {
+pub(super) fn edit_json(bytes: &[u8], change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     let mut root = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
     change(&mut root);

@@ -1,7 +1,7 @@
 //! Laws of which way a model faces and where it stands.
 
-use super::glb_writer::{self, GlbScene};
-use super::import_tests::{beam_scene_parts, export, inspected, model, read};
+use super::glb_writer::{self, GlbMesh, GlbScene};
+use super::import_tests::{beam_scene_parts, cube, edit_json, export, inspected, model, read, scene};
 use super::*;
 use crate::geometry::{VertexId, cofactor};
 use crate::rig::animation::{Animation, Channel, Interpolation, Keys, Property};
@@ -76,8 +76,7 @@ fn a_rig_that_mirrors_its_skin_leaves_faces_outward() {
                 assert!((inspect(found, &pose).volume / volume - 1.0).abs() < 1e-5, "{what}, {scale} at {t}");
                 for v in plain.mesh.live_vertices() {
                     let expected = posed(&plain, &straight, v) * scale + translation;
-                    let nearest = found.mesh.live_vertices().map(|u| posed(found, &pose, u).distance(expected));
-                    assert!(nearest.fold(f64::MAX, f64::min) < 1e-6 * size, "{what}, {scale} at {t}: it moves as before");
+                    assert!(nearest(found, &pose, expected) < 1e-6 * size, "{what}, {scale} at {t}: it moves as before");
                 }
                 let least = if what == "without normals" { 0.1 } else { 0.7 }; // smooth corners of a cube
                 assert!(worst_normal(found, &pose) > least, "{what}, {scale} at {t}: {}", worst_normal(found, &pose));
@@ -168,4 +167,123 @@ fn faces_that_are_wound_against_each_other_are_told() {
     // the controls: wound alike, and an edge with three faces
     assert!(warnings(&soup.replace("f 4 5 6", "f 4 6 5")).is_empty());
     assert!(warnings("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n").is_empty());
+}
+
+/// Far enough that f32 in model space moves vertices by 1e-4.
+const AWAY: DVec3 = DVec3::new(1000.0, 500.0, -3000.0);
+
+/// Two boxes side by side, one of which rises with its node.
+fn one_of_two_rises(away: DVec3, animations: &[Animation]) -> Vec<u8> {
+    let still = Node { name: None, parent: None, local: LocalTransform::Trs(Trs { translation: away, ..Trs::IDENTITY }) };
+    let mut scene = GlbScene { nodes: vec![still.clone(), still], animations, ..scene(vec![cube([0.0; 3])]) };
+    scene.meshes.push(GlbMesh { primitives: vec![cube([0.5, 2.0, 0.0])], ..scene.meshes[0].clone() });
+    edit_json(&glb_writer::write(&scene).unwrap(), |root| {
+        root["nodes"][0]["children"] = serde_json::json!([2]);
+        root["nodes"][1]["children"] = serde_json::json!([3]);
+        root["scenes"][0]["nodes"] = serde_json::json!([0, 1]);
+    })
+}
+
+/// Far models of each kind, with the same one at the origin.
+fn far_and_near() -> Vec<(&'static str, Model, Model)> {
+    let root = |translation| Trs { translation, rotation: DQuat::from_rotation_y(0.4), scale: DVec3::splat(0.75) };
+    let skinned = |at| model(&under_a_root(root(at), &[bend(2)]));
+    let still = |at: DVec3| {
+        let node = Node { name: None, parent: None, local: LocalTransform::Trs(Trs { translation: at, ..Trs::IDENTITY }) };
+        let bytes = glb_writer::write(&GlbScene { nodes: vec![node], ..scene(vec![cube([0.0; 3])]) }).unwrap();
+        read(&edit_json(&bytes, |root| {
+            root["nodes"][0]["children"] = serde_json::json!([1]);
+            root["scenes"][0]["nodes"] = serde_json::json!([0]);
+        }))
+        .unwrap()
+    };
+    let rises = |at| read(&one_of_two_rises(at, &[bend(1)])).unwrap();
+    vec![
+        ("skinned", skinned(AWAY), skinned(DVec3::ZERO)),
+        ("static", still(AWAY), still(DVec3::ZERO)),
+        ("rigid", rises(AWAY), rises(DVec3::ZERO)),
+    ]
+}
+
+/// Dresses the last vertex in a row over the first and the last but one; returns it.
+fn embed(model: &mut Model) -> VertexId {
+    let [first, other, last] = [0, model.mesh.vertex_slots() - 2, model.mesh.vertex_slots() - 1].map(VertexId::new);
+    let row = [(first, 0.3), (other, 0.7)].map(|(base, weight)| crate::rig::RowEntry { base, padding: 0, weight });
+    model.rows.rows.set_row(last.index(), &row);
+    model.rows.bones.set_row(last.index(), &[]);
+    last
+}
+
+/// Nearest distance of a vertex of `model` to a place, model space.
+fn nearest(model: &Model, pose: &Pose, place: DVec3) -> f64 {
+    model.mesh.live_vertices().map(|u| posed(model, pose, u).distance(place)).fold(f64::MAX, f64::min)
+}
+
+#[test]
+fn a_model_far_away_goes_out_about_its_own_origin() {
+    for (kind, mut far, mut near) in far_and_near() {
+        let (embedded, _) = (embed(&mut far), embed(&mut near));
+        for t in [0.0, 0.5, 1.0] {
+            let pose = far.rig.pose_at(Some(0), t);
+            let (bytes, report) = export(&far, &pose);
+            let again = read(&bytes).unwrap();
+            assert_eq!(again.rig.animations, far.rig.animations);
+            let found = again.rig.pose_at(Some(0), t);
+            let size = inspected(&far).bounds.diagonal;
+            let worst = |pose: &Pose, found: &Pose, with: bool| {
+                let all = far.mesh.live_vertices().filter(|&v| with || v != embedded);
+                all.map(|v| nearest(&again, found, posed(&far, pose, v))).fold(0.0, f64::max) / size
+            };
+            assert!(worst(&pose, &found, true) < 1e-7, "{kind}, exported at {t}: {}", worst(&pose, &found, true));
+            for s in [0.25, 0.75] {
+                let (pose, found) = (far.rig.pose_at(Some(0), s), again.rig.pose_at(Some(0), s));
+                assert!(worst(&pose, &found, false) < 1e-7, "{kind}, at {s}: {}", worst(&pose, &found, false));
+            }
+            let at_home = export(&near, &near.rig.pose_at(Some(0), t)).1;
+            assert!(report.deviation_in_pose_m < 1e-7 * size, "{kind}: {report:?}");
+            assert!((report.deviation - at_home.deviation).abs() < 1e-6, "{kind}: {report:?}, {at_home:?}");
+        }
+    }
+}
+
+#[test]
+fn a_model_near_by_goes_out_in_model_space() {
+    let stored = |bytes: &[u8]| {
+        let mut root = serde_json::Value::Null;
+        edit_json(bytes, |json| root = json.clone());
+        let mesh = root["nodes"].as_array().unwrap().iter().find(|n| !n["mesh"].is_null()).unwrap();
+        (root["accessors"][0]["max"][1].as_f64().unwrap(), mesh["translation"].is_null())
+    };
+    let out = |y: f32| stored(&export(&model(&scene(vec![cube([0.0, y, 0.0])])), &Pose::default()).0);
+    assert_eq!(out(4.0), (5.0, true));
+    assert_eq!(out(40.0), (0.5, false), "the control: far away");
+}
+
+#[test]
+fn rounding_that_moves_base_vertices_is_reported() {
+    // far enough to round, near enough to go out in model space
+    let text = "v 5.1 0 0\nv 6.1 0 0\nv 5.1 1 0\nv 5.1 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    let model = load_bytes(text.as_bytes(), Format::Obj, "", None).unwrap();
+    let (bytes, report) = export(&model, &Pose::default());
+    let again = read(&bytes).unwrap();
+    let all = model.mesh.live_vertices();
+    let worst = all.map(|v| nearest(&again, &Pose::default(), posed(&model, &Pose::default(), v))).fold(0.0, f64::max);
+    assert!(worst > 0.0 && (report.deviation_m / worst - 1.0).abs() < 1e-6, "{worst}, {report:?}");
+}
+
+#[test]
+fn far_below_a_turned_root_nothing_moves_either() {
+    for k in 0..40 {
+        let angles = [0.37, 1.3, 1.0].map(|step| step * f64::from(k));
+        let rotation = DQuat::from_euler(glam::EulerRot::XYZ, angles[0], angles[1], angles[2] + 0.2 * f64::from(k));
+        let mut scene = under_a_root(Trs { rotation, ..Trs::IDENTITY }, &[]);
+        let LocalTransform::Trs(trs) = &mut scene.nodes[1].local else { panic!() };
+        trs.translation = AWAY;
+        let far = model(&scene);
+        let pose = far.rig.rest_pose();
+        let again = read(&export(&far, &pose).0).unwrap();
+        let found = again.rig.rest_pose();
+        let worst = far.mesh.live_vertices().map(|v| nearest(&again, &found, posed(&far, &pose, v))).fold(0.0, f64::max);
+        assert!(worst < 1e-7, "{k}: {worst}");
+    }
 }
