@@ -121,6 +121,7 @@ fn count_non_manifold(mesh: &Mesh, class: &[u32], report: &mut LoadReport) {
         if run.len() > 2 || (run.len() == 2 && one_way) {
             report.non_manifold_edges += 1;
             report.non_manifold_half_edges += run.len();
+            report.one_way_edges += usize::from(run.len() == 2);
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::FormatError;
 use super::material::{Material, Texture, encode_png};
 use crate::rig::{Animation, Interpolation, LocalTransform, Node, Property};
-use glam::DAffine3;
+use glam::{DAffine3, DVec3};
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
 
@@ -52,6 +52,8 @@ pub(crate) struct GlbScene<'a> {
     pub animations: &'a [Animation],
     pub skins: Vec<GlbSkin>,
     pub meshes: Vec<GlbMesh>,
+    /// Translation of the nodes of meshes without a skin, metres. Inverse binds have to know it by themselves.
+    pub mesh_origin: DVec3,
     pub materials: Vec<Material>,
 }
 
@@ -124,8 +126,12 @@ fn nodes(scene: &GlbScene<'_>) -> (Vec<Value>, Vec<usize>) {
     for (m, mesh) in scene.meshes.iter().enumerate() {
         roots.push(out.len());
         let mut value = json!({ "name": mesh.name, "mesh": m });
-        if let Some(skin) = mesh.skin {
-            value["skin"] = json!(skin);
+        match mesh.skin {
+            Some(skin) => value["skin"] = json!(skin),
+            None if scene.mesh_origin != DVec3::ZERO => {
+                value["translation"] = json!(scene.mesh_origin.to_array().map(|x| x as f32));
+            }
+            None => {}
         }
         out.push(value);
     }
@@ -137,13 +143,13 @@ fn rig_node(node: &Node, children: Vec<usize>) -> Value {
     match &node.local {
         LocalTransform::Trs(trs) => {
             let single = |v: f64| v as f32;
-            if trs.translation != glam::DVec3::ZERO {
+            if trs.translation != DVec3::ZERO {
                 value["translation"] = json!(trs.translation.to_array().map(single));
             }
             if trs.rotation != glam::DQuat::IDENTITY {
                 value["rotation"] = json!(trs.rotation.to_array().map(single));
             }
-            if trs.scale != glam::DVec3::ONE {
+            if trs.scale != DVec3::ONE {
                 value["scale"] = json!(trs.scale.to_array().map(single));
             }
         }

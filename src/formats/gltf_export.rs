@@ -7,13 +7,16 @@ use super::material::Material;
 use super::stored::WHITE;
 use crate::geometry::{FaceId, Mesh, VertexId};
 use crate::rig::{LocalTransform, Node, Pose, PoseScratch, Rig, Trs, VertexRows};
-use glam::{DAffine3, DVec3};
+use glam::{DAffine3, DQuat, DVec3};
 use std::collections::BTreeMap;
 
 /// Marks are written as f32, exact up to here.
 const MAX_MARKS: usize = 1 << 24;
 /// Times at which each animation is sampled for the deviation.
 const SAMPLES: usize = 16;
+/// Positions are written about the tissue's origin where it is farther from that of model space than this many times the
+/// farthest vertex is from it: about four diagonals.
+const FAR: f64 = 8.0;
 
 /// A mesh to be exported. All pieces of a file share one rig and its origin.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +34,8 @@ pub struct ExportPiece<'a> {
 /// How far the exported skinning is from the rows it stands for (MATHS 1.8).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ExportReport {
-    /// Largest distance of an embedded vertex from where its row puts it, over sampled times of all animations, metres.
+    /// Largest distance of a vertex from where its row puts it, rounding to the file's f32 included, over sampled times of
+    /// all animations, metres.
     pub deviation_m: f64,
     /// The same as a fraction of the bounding diagonal in the exported pose: the `export_deviation` of CONTRACT.
     pub deviation: f64,
@@ -39,11 +43,13 @@ pub struct ExportReport {
     pub deviation_in_pose_m: f64,
 }
 
-/// Encodes pieces as .glb. Positions are in model space at rest; for embedded vertices the rest position is solved so that
-/// they are exact in `pose`.
+/// Encodes pieces as .glb. Positions are in model space at rest, or about the tissue's origin where that is far away; for
+/// embedded vertices the rest position is solved so that they are exact in `pose`.
 pub fn export_glb(rig: &Rig, pieces: &[ExportPiece<'_>], pose: &Pose) -> Result<(Vec<u8>, ExportReport), FormatError> {
-    let mut export = Export::new(rig);
-    let vertices: Vec<Vec<Option<PlainVertex>>> = pieces.iter().map(|p| plain_vertices(rig, p, pose)).collect();
+    let origin = file_origin(rig, pieces);
+    let mut export = Export::new(rig, origin);
+    let shift = rig.origin - origin;
+    let vertices: Vec<Vec<Option<PlainVertex>>> = pieces.iter().map(|p| plain_vertices(shift, p, pose)).collect();
     for (piece, vertices) in pieces.iter().zip(&vertices) {
         export.piece(piece, vertices)?;
     }
@@ -51,9 +57,17 @@ pub fn export_glb(rig: &Rig, pieces: &[ExportPiece<'_>], pose: &Pose) -> Result<
     Ok((bytes, deviation(rig, pieces, &vertices, pose)))
 }
 
-/// Plain form of each live vertex, with the rest position as f32 in model space can hold it.
-fn plain_vertices(rig: &Rig, piece: &ExportPiece<'_>, pose: &Pose) -> Vec<Option<PlainVertex>> {
-    let rounded = |v: PlainVertex| PlainVertex { rest: (v.rest + rig.origin).as_vec3().as_dvec3() - rig.origin, ..v };
+/// What positions in the file are relative to, model space: zero, or the tissue's origin (MATHS 1.7) where model space is too
+/// coarse for f32. As a file can hold it.
+fn file_origin(rig: &Rig, pieces: &[ExportPiece<'_>]) -> DVec3 {
+    let reach = pieces.iter().flat_map(|p| p.mesh.live_vertices().map(|v| p.rows.rest(v).length_squared()));
+    let far = rig.origin.length_squared() > FAR * FAR * reach.fold(0.0, f64::max);
+    if far { rig.origin.as_vec3().as_dvec3() } else { DVec3::ZERO }
+}
+
+/// Plain form of each live vertex, with the rest position as the file can hold it: f32, `shift` from tissue space.
+fn plain_vertices(shift: DVec3, piece: &ExportPiece<'_>, pose: &Pose) -> Vec<Option<PlainVertex>> {
+    let rounded = |v: PlainVertex| PlainVertex { rest: (v.rest + shift).as_vec3().as_dvec3() - shift, ..v };
     let live = |v: usize| piece.mesh.vertex_is_live(VertexId::new(v));
     (0..piece.mesh.vertex_slots()).map(|v| live(v).then(|| rounded(plain(piece.rows, pose, VertexId::new(v))))).collect()
 }
@@ -62,8 +76,8 @@ fn deviation(rig: &Rig, pieces: &[ExportPiece<'_>], vertices: &[Vec<Option<Plain
     let in_pose = largest_deviation(pieces, vertices, pose);
     let mut worst = in_pose;
     let (mut scratch, mut sampled) = (PoseScratch::default(), Pose::default());
-    let embedded = pieces.iter().any(|p| p.rows.rows.spans().iter().any(|s| s.len > 0));
-    for animation in 0..if embedded { rig.animations.len() } else { 0 } {
+    let differs = pieces.iter().zip(vertices).any(|(p, vertices)| changed(p, vertices).next().is_some());
+    for animation in 0..if differs { rig.animations.len() } else { 0 } {
         for i in 0..=SAMPLES {
             let time = rig.animations[animation].duration_s * i as f64 / SAMPLES as f64;
             rig.pose(Some(animation), time, &mut scratch, &mut sampled);
@@ -77,26 +91,45 @@ fn deviation(rig: &Rig, pieces: &[ExportPiece<'_>], vertices: &[Vec<Option<Plain
     ExportReport { deviation_m: worst, deviation: relative, deviation_in_pose_m: in_pose }
 }
 
-/// Over embedded vertices; base vertices go out as they are.
+/// Vertices that the file cannot hold as they are: embedded ones, and base vertices that rounding moves.
+fn changed<'a>(
+    piece: &'a ExportPiece<'_>,
+    vertices: &'a [Option<PlainVertex>],
+) -> impl Iterator<Item = (VertexId, &'a PlainVertex)> {
+    let all = vertices.iter().enumerate().filter_map(|(v, vertex)| Some((VertexId::new(v), vertex.as_ref()?)));
+    all.filter(|(v, vertex)| !piece.rows.is_base(*v) || vertex.rest != piece.rows.rest(*v))
+}
+
 fn largest_deviation(pieces: &[ExportPiece<'_>], vertices: &[Vec<Option<PlainVertex>>], pose: &Pose) -> f64 {
     let mut worst = 0.0f64;
     for (piece, vertices) in pieces.iter().zip(vertices) {
-        for (v, vertex) in vertices.iter().enumerate() {
-            let v = VertexId::new(v);
-            if let Some(vertex) = vertex.as_ref().filter(|_| !piece.rows.is_base(v)) {
-                let exported = match vertex.bones.is_empty() {
-                    true => vertex.rest,
-                    false => blend(pose, &vertex.bones).transform_point3(vertex.rest),
-                };
-                worst = worst.max((exported - pose.skin(piece.rows, v)).length());
-            }
+        for (v, vertex) in changed(piece, vertices) {
+            let exported = match vertex.bones.is_empty() {
+                true => vertex.rest,
+                false => blend(pose, &vertex.bones).transform_point3(vertex.rest),
+            };
+            worst = worst.max((exported - pose.skin(piece.rows, v)).length());
         }
     }
     worst
 }
 
+/// The f32 numbers that a reader, who normalises, gets nearest to a unit quaternion from: the file it came from had others
+/// than its own rounded ones in few cases, but with far things below it the difference shows.
+fn held(q: DQuat) -> DQuat {
+    let rounded = |k: i32| {
+        let length = 1.0 + f64::from(k) * 2f64.powi(-27);
+        DQuat::from_array((q * length).to_array().map(|x| f64::from(x as f32)))
+    };
+    let error = |r: &DQuat| (r.normalize() - q).length_squared();
+    let tried = (0..=16).flat_map(|k| [k, -k]).map(rounded);
+    tried.min_by(|a, b| error(a).total_cmp(&error(b))).unwrap_or(q)
+}
+
 struct Export<'a> {
     rig: &'a Rig,
+    /// From tissue space to the file's.
+    shift: DVec3,
     scene: GlbScene<'a>,
     /// Position in its skin of each joint, for each skin to be written.
     locals: Vec<BTreeMap<u32, u16>>,
@@ -106,10 +139,17 @@ struct Export<'a> {
 }
 
 impl<'a> Export<'a> {
-    fn new(rig: &'a Rig) -> Self {
+    fn new(rig: &'a Rig, origin: DVec3) -> Self {
+        let mut nodes = rig.nodes.clone();
+        for node in nodes.iter_mut().filter(|_| origin != DVec3::ZERO) {
+            if let LocalTransform::Trs(trs) = &mut node.local {
+                trs.rotation = held(trs.rotation);
+            }
+        }
         let mut export = Self {
             rig,
-            scene: GlbScene { nodes: rig.nodes.clone(), animations: &rig.animations, ..GlbScene::default() },
+            shift: rig.origin - origin,
+            scene: GlbScene { nodes, animations: &rig.animations, mesh_origin: origin, ..GlbScene::default() },
             locals: Vec::new(),
             rigid_skin: None,
             marks: 0,
@@ -144,6 +184,8 @@ impl<'a> Export<'a> {
             node = self.scene.nodes.len() as u32;
             self.scene.nodes.push(Node { name: None, parent, local: LocalTransform::Trs(Trs::IDENTITY) });
         }
+        let origin = self.scene.mesh_origin;
+        let inverse_bind = if origin == DVec3::ZERO { inverse_bind } else { inverse_bind * DAffine3::from_translation(origin) };
         let local = self.scene.skins[skin].joints.len() as u16;
         self.scene.skins[skin].joints.push((node, inverse_bind));
         self.locals[skin].insert(joint, local);
@@ -233,7 +275,7 @@ impl<'a> Export<'a> {
                 let wedge = piece.mesh.wedge(w);
                 let vertex = vertices[wedge.vertex.index()].as_ref();
                 let rest = vertex.map_or(DVec3::ZERO, |v| v.rest);
-                out.positions.push((rest + self.rig.origin).as_vec3().to_array());
+                out.positions.push((rest + self.shift).as_vec3().to_array());
                 out.normals.push(wedge.normal);
                 out.uvs.push(wedge.uv);
                 out.colours.push(wedge.colour);

@@ -52,10 +52,16 @@ struct Import {
     /// Rigid joint of each rig node, `u32::MAX` where it has none.
     rigid_joints: Vec<u32>,
     stored: Stored,
-    /// Stored vertices of each skinned primitive, by skin.
-    skinned: Vec<(usize, Range<usize>)>,
+    skinned: Vec<Skinned>,
     materials: usize,
     report: LoadReport,
+}
+
+/// What a skinned primitive stored.
+struct Skinned {
+    skin: usize,
+    vertices: Range<usize>,
+    faces: Range<usize>,
 }
 
 impl Import {
@@ -132,8 +138,9 @@ impl Import {
         let flip = match (skin, attributes.bones.is_empty()) {
             (Some(skin), false) => {
                 self.push_skinned(&attributes);
-                self.skinned.push((skin, start..total));
-                false
+                let first = self.stored.faces.len();
+                self.skinned.push(Skinned { skin, vertices: start..total, faces: first..first + faces.len() });
+                false // by its joints: see `normalise_bind_space`
             }
             _ => self.push_rigid(&attributes, node),
         };
@@ -201,7 +208,7 @@ impl Import {
     }
 
     /// Bounds in the pose of the stored node transforms, model space.
-    fn posed_bounds(&self, range: Range<usize>) -> (DVec3, DVec3) {
+    fn posed_bounds(&self, vertices: impl Iterator<Item = usize>) -> (DVec3, DVec3) {
         let posed = |v: usize| {
             let (p, bones) = (self.stored.positions[v], self.stored.bones(v));
             if bones.is_empty() {
@@ -209,7 +216,7 @@ impl Import {
             }
             bones.iter().map(|b| self.rest_matrix(b.joint).transform_point3(p) * f64::from(b.weight)).sum()
         };
-        bounds(range.map(posed))
+        bounds(vertices.map(posed))
     }
 
     fn rest_matrix(&self, joint: u32) -> DAffine3 {
@@ -219,7 +226,8 @@ impl Import {
 
     /// Moves the bind space of a skin near to model space where they differ by a factor of 2 in size or by more than the
     /// model's diagonal: rest positions then have the size of the posed model (distances at rest mean something) and f32
-    /// suffices. The same similarity goes into the inverse binds, so every pose stays as it is.
+    /// suffices. Where the joints mirror the skin, bind space is mirrored too: faces point outward at rest and posed, and a
+    /// file that goes out needs no turning. The same similarity goes into the inverse binds, so every pose stays as it is.
     fn normalise_bind_space(&mut self, skin: usize) {
         let joints = self.rig.rig.skins[skin].joints.clone();
         let mut scales: Vec<f64> = joints.iter().map(|&j| self.rest_matrix(j).matrix3.determinant().abs().cbrt()).collect();
@@ -227,24 +235,55 @@ impl Import {
         let median = scales.get(scales.len() / 2).copied().unwrap_or(1.0);
         let usable = median.is_finite() && median > 1e-12;
         let scale = if usable && !(0.5..=2.0).contains(&median) { median } else { 1.0 };
-        let ranges: Vec<Range<usize>> = self.skinned.iter().filter(|s| s.0 == skin).map(|s| s.1.clone()).collect();
-        let merge = |a: (DVec3, DVec3), b: (DVec3, DVec3)| (a.0.min(b.0), a.1.max(b.1));
-        let nothing = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        let posed = ranges.iter().map(|r| self.posed_bounds(r.clone())).fold(nothing, merge);
-        let bind = bounds(ranges.iter().flat_map(|r| r.clone()).map(|v| self.stored.positions[v] * scale));
+        let mirror = self.mirror_of(skin);
+        let scale = mirror.unwrap_or(DVec3::ONE) * scale;
+        let of_skin = || self.skinned.iter().filter(|s| s.skin == skin);
+        let vertices: Vec<usize> = of_skin().flat_map(|s| s.vertices.clone()).collect();
+        let faces: Vec<usize> = of_skin().flat_map(|s| s.faces.clone()).collect();
+        let posed = self.posed_bounds(vertices.iter().copied());
+        let bind = bounds(vertices.iter().map(|&v| self.stored.positions[v] * scale));
         let apart = ((posed.0 + posed.1) - (bind.0 + bind.1)).length() * 0.5 > (posed.1 - posed.0).length();
         let shift = if apart { assemble::origin_of(posed.0, posed.1) - assemble::origin_of(bind.0, bind.1) } else { DVec3::ZERO };
-        if (scale == 1.0 && shift == DVec3::ZERO) || !shift.is_finite() {
+        if (scale == DVec3::ONE && shift == DVec3::ZERO) || !shift.is_finite() {
             return;
         }
-        for v in ranges.into_iter().flatten() {
+        for v in vertices {
             self.stored.positions[v] = self.stored.positions[v] * scale + shift;
+            if let (Some(mirror), Some(normal)) = (mirror, &mut self.stored.dresses[v].normal) {
+                *normal = (widen(*normal) * mirror).as_vec3().to_array();
+            }
         }
-        let back = DAffine3 { matrix3: DMat3::from_diagonal(DVec3::splat(1.0 / scale)), translation: -shift / scale };
+        for face in faces.into_iter().filter(|_| mirror.is_some()) {
+            let face = &mut self.stored.faces[face];
+            face.corners.swap(1, 2);
+            face.dresses.swap(1, 2);
+        }
+        let back = DAffine3 { matrix3: DMat3::from_diagonal(scale.recip()), translation: -shift / scale };
         for joint in joints {
             let joint = &mut self.rig.rig.joints[joint as usize];
             joint.inverse_bind *= back;
         }
+    }
+
+    /// A reflection in the axis that the joints turn over most, if all joints that vertices of the skin follow mirror them
+    /// in the stored pose. Joints that flatten decide nothing.
+    fn mirror_of(&self, skin: usize) -> Option<DVec3> {
+        let mut used = vec![false; self.rig.rig.joints.len()];
+        for v in self.skinned.iter().filter(|s| s.skin == skin).flat_map(|s| s.vertices.clone()) {
+            for bone in self.stored.bones(v).iter().filter(|b| b.weight > 0.0) {
+                used[bone.joint as usize] = true;
+            }
+        }
+        let matrices = || (0..).zip(&used).filter(|(_, used)| **used).map(|(joint, _)| self.rest_matrix(joint).matrix3);
+        let flat = matrices().map(|m| m.determinant().abs()).fold(0.0, f64::max) * 1e-9;
+        let mut clear = matrices().filter(|m| m.determinant().abs() > flat).peekable();
+        clear.peek()?;
+        if !clear.all(|m| m.determinant() < 0.0) {
+            return None;
+        }
+        let diagonal = matrices().map(|m| DVec3::new(m.x_axis.x, m.y_axis.y, m.z_axis.z)).sum::<DVec3>();
+        let axis = (0..3).min_by(|&a, &b| diagonal[a].total_cmp(&diagonal[b]))?;
+        Some(DVec3::ONE - 2.0 * DVec3::AXES[axis])
     }
 }
 

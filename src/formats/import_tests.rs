@@ -20,7 +20,7 @@ const CUBE: [[[f32; 3]; 4]; 6] = [
 ];
 
 /// A unit cube whose sides share no stored vertex.
-fn cube(at: [f32; 3]) -> GlbPrimitive {
+pub(super) fn cube(at: [f32; 3]) -> GlbPrimitive {
     let mut out = GlbPrimitive::default();
     for (s, side) in (0u32..).zip(CUBE) {
         out.positions.extend(side.map(|p| [p[0] + at[0], p[1] + at[1], p[2] + at[2]]));
@@ -29,7 +29,7 @@ fn cube(at: [f32; 3]) -> GlbPrimitive {
     out
 }
 
-fn scene(primitives: Vec<GlbPrimitive>) -> GlbScene<'static> {
+pub(super) fn scene(primitives: Vec<GlbPrimitive>) -> GlbScene<'static> {
     GlbScene {
         meshes: vec![GlbMesh { name: "m".into(), skin: None, primitives }],
         materials: vec![Material::default()],
@@ -37,21 +37,21 @@ fn scene(primitives: Vec<GlbPrimitive>) -> GlbScene<'static> {
     }
 }
 
-fn read(bytes: &[u8]) -> Result<Model, FormatError> {
+pub(super) fn read(bytes: &[u8]) -> Result<Model, FormatError> {
     gltf_import::read(bytes, "test", None)
 }
 
-fn model(scene: &GlbScene<'_>) -> Model {
+pub(super) fn model(scene: &GlbScene<'_>) -> Model {
     let model = read(&glb_writer::write(scene).unwrap()).unwrap();
     model.rig.validate().unwrap();
     model
 }
 
-fn inspected(model: &Model) -> Inspection {
+pub(super) fn inspected(model: &Model) -> Inspection {
     inspect(model, &model.rig.rest_pose())
 }
 
-fn export(model: &Model, pose: &Pose) -> (Vec<u8>, ExportReport) {
+pub(super) fn export(model: &Model, pose: &Pose) -> (Vec<u8>, ExportReport) {
     let piece = ExportPiece { name: "piece", mesh: &model.mesh, rows: &model.rows, materials: &model.materials };
     export_glb(&model.rig, &[piece], pose).unwrap()
 }
@@ -143,7 +143,7 @@ fn seam_copies_with_other_weights_are_reported() {
 }
 
 /// A small skinned box with two joints.
-fn beam_scene_parts() -> GlbScene<'static> {
+pub(super) fn beam_scene_parts() -> GlbScene<'static> {
     let mut primitive = cube([0.0; 3]);
     let far = |p: &[f32; 3]| p[0] > 0.5;
     let joints = primitive.positions.iter().map(|p| [u16::from(far(p)), 1 - u16::from(far(p)), 0, 0]).collect();
@@ -168,7 +168,7 @@ fn beam_scene_parts() -> GlbScene<'static> {
 }
 
 /// Rewrites the JSON chunk of a .glb.
-fn edit_json(bytes: &[u8], change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {
+pub(super) fn edit_json(bytes: &[u8], change: impl FnOnce(&mut serde_json::Value)) -> Vec<u8> {
     let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
     let mut root = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
     change(&mut root);

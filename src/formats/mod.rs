@@ -6,6 +6,7 @@
 mod assemble;
 mod error;
 mod export_weights;
+mod facing;
 mod flats;
 mod glb_writer;
 mod gltf_data;
@@ -25,6 +26,8 @@ mod weld;
 
 #[cfg(test)]
 mod import_tests;
+#[cfg(test)]
+mod placement_tests;
 
 pub use error::FormatError;
 pub use gltf_export::{ExportPiece, ExportReport, export_glb};
@@ -71,7 +74,9 @@ pub struct LoadReport {
     pub duplicate_faces: usize,
     /// Edges that more than two faces share, or two in the same direction; they stay open.
     pub non_manifold_edges: usize,
-    /// Open half-edges at those edges.
+    /// Of these, such as exactly two faces run through, in the same direction: the faces are wound against each other.
+    pub one_way_edges: usize,
+    /// Open half-edges at non-manifold edges.
     pub non_manifold_half_edges: usize,
     /// Largest difference of a joint's weight between stored copies of one vertex; the first copy counts (MATHS 1.6).
     pub largest_weight_difference: f32,
@@ -131,15 +136,17 @@ fn read_named(path: &Path) -> std::io::Result<Vec<u8>> {
 }
 
 fn load_bytes(bytes: &[u8], format: Format, name: &str, folder: Option<&Path>) -> Result<Model, FormatError> {
-    match format {
-        Format::Gltf => gltf_import::read(bytes, name, folder),
+    let mut model = match format {
+        Format::Gltf => gltf_import::read(bytes, name, folder)?,
         Format::Obj => {
             let file = obj::read(bytes, folder)?;
             let report = LoadReport { warnings: file.warnings, ..LoadReport::default() };
-            static_model(&file.stored, name, file.materials, report)
+            static_model(&file.stored, name, file.materials, report)?
         }
-        Format::Stl => static_model(&stl::read(bytes)?, name, vec![Material::default()], LoadReport::default()),
-    }
+        Format::Stl => static_model(&stl::read(bytes)?, name, vec![Material::default()], LoadReport::default())?,
+    };
+    facing::warn(&mut model);
+    Ok(model)
 }
 
 fn static_model(

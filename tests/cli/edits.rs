@@ -167,6 +167,25 @@ fn capped_pieces_are_closed_in_the_report_and_in_the_files() {
 }
 
 #[test]
+fn the_pieces_of_a_model_far_away_add_up_in_the_files() {
+    let place = Place::new();
+    place.ok("cut sphere --plane 0,1,0,-100 --no-particles --format obj --out near");
+    let moved = |line: &str| match line.strip_prefix("v ") {
+        Some(numbers) => {
+            let mut at = numbers.split(' ').zip([2000.0, -4000.0, 1000.0]).map(|(x, by)| x.parse::<f64>().unwrap() + by);
+            format!("v {} {} {}\n", at.next().unwrap(), at.next().unwrap(), at.next().unwrap())
+        }
+        None => format!("{line}\n"),
+    };
+    place.write("far.obj", place.read("near/piece-0.obj").lines().map(moved).collect::<String>());
+    let far = place.ok_json("cut far.obj --plane 0.2,1,0.1,-3499.9 --cap --no-particles --out far");
+    assert!(number(&far["export_deviation"]) < 1e-7, "{far:#}");
+    let volumes = [0, 1].map(|k| number(&place.ok_json(&format!("inspect far/piece-{k}.glb"))["volume"]));
+    assert!(volumes.iter().all(|&v| v > 0.0));
+    close(volumes.iter().sum(), number(&far["volume_before"]), 1e-6);
+}
+
+#[test]
 fn a_posed_beam_is_torn_and_stays_rigged() {
     let place = Place::new();
     place.write("path.json", ACROSS_THE_BEAM);

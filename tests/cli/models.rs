@@ -114,6 +114,24 @@ fn dropped_faces_are_counted() {
 }
 
 #[test]
+fn winding_that_looks_wrong_is_told_before_every_edit() {
+    let place = Place::new();
+    place.write("inward.obj", TETRAHEDRON.replace("f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4", "f 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3"));
+    place.write("mixed.obj", TETRAHEDRON.replace("f 2 3 4", "f 2 4 3"));
+    place.write("right.obj", TETRAHEDRON);
+    for (name, words) in [("inward", "is inside out"), ("mixed", "wound against each other at 3 edges"), ("right", "")] {
+        let told = place.ok_json(&format!("inspect {name}.obj"))["warnings"].clone();
+        let cut = place.run(&format!("cut {name}.obj --plane 1,0,0,0.3 --no-particles --out {name}"));
+        assert_eq!(cut.code, 0, "{}", cut.stderr);
+        if words.is_empty() {
+            assert!(list(&told).is_empty() && cut.stderr.is_empty(), "{told} {}", cut.stderr);
+        } else {
+            assert!(told[0].as_str().unwrap().contains(words) && cut.stderr.contains(words), "{told} {}", cut.stderr);
+        }
+    }
+}
+
+#[test]
 fn particles_have_every_key_and_a_map() {
     let place = Place::new();
     for (model, arguments) in

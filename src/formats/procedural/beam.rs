@@ -27,6 +27,7 @@ pub(super) fn scene(faces: Option<usize>) -> GlbScene<'static> {
         skins: vec![GlbSkin { name: Some("beam".into()), joints, skeleton: Some(0) }],
         meshes: vec![GlbMesh { name: "beam".into(), skin: Some(0), primitives: vec![primitive] }],
         materials: vec![Material { name: "gel".into(), base_colour: [0.85, 0.55, 0.45, 1.0], ..Material::default() }],
+        ..GlbScene::default()
     }
 }
 

@@ -38,6 +38,7 @@ pub(super) fn scene(faces: Option<usize>) -> GlbScene<'static> {
         skins: vec![GlbSkin { name: Some("heart".into()), joints, skeleton: Some(0) }],
         meshes: vec![GlbMesh { name: "heart".into(), skin: Some(0), primitives: vec![primitive] }],
         materials: vec![Material { name: "muscle".into(), base_colour: [0.62, 0.13, 0.11, 1.0], ..Material::default() }],
+        ..GlbScene::default()
     }
 }
 
