@@ -116,3 +116,18 @@ fn a_camera_that_looks_along_its_up_takes_another() {
     assert_eq!(up("eye = [0, 0, 2]\ntarget = [0, 0, 0]\nup = [0, 0, 1]"), DVec3::Y);
     assert_eq!(up("eye = [0, 1, 0.1]\ntarget = [0, 0, 0]"), DVec3::Y, "a usual one keeps its own");
 }
+
+/// A ball that has come all the way by its first frame pushes the tissue as one does that takes its time.
+#[test]
+fn a_fast_poke_does_not_begin_inside_the_tissue() {
+    let pushed = |seconds: f64| {
+        let (app, _) = play(&format!(
+            "model = \"beam\"\nframes = 60\nstep = 0.0222\n[[action]]\nkind = \"poke\"\nat = 0.1\nradius = 0.05\nuntil = 3.0\n\
+             path = [ {{ t = 0, at = [0.0, 0.3, 0.0] }}, {{ t = {seconds}, at = [0.0, 0.06, 0.0] }} ]\n"
+        ));
+        let tissue = app.scene.tissues().next().unwrap().1;
+        tissue.layer().unwrap().displacements().iter().map(|u| u.length()).fold(0.0, f64::max)
+    };
+    let (slow, fast) = (pushed(0.5), pushed(0.005));
+    assert!(slow > 0.005 && (fast - slow).abs() < 0.4 * slow, "{slow} slowly, {fast} fast");
+}

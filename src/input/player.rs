@@ -144,13 +144,15 @@ impl ScriptPlayer {
             ActionKind::Poke { radius, until, path } => {
                 let start = path.first().map_or(DVec3::ZERO, |m| m.to);
                 let places = [Motion::sample(path, start, local)];
-                progress.ended = collide(input, i, *radius, &places, now + 1e-9 >= *until);
+                let starts = if begins { &[start][..] } else { &[] };
+                progress.ended = collide(input, i, *radius, [starts, &places], now + 1e-9 >= *until);
             }
             ActionKind::Squeeze { a, b, radius, until } => {
                 let share = if *until > action.at { ((now - action.at) / (until - action.at)).clamp(0.0, 1.0) } else { 1.0 };
                 // Up to where the spheres touch each other.
                 let way = (b - a).normalize_or_zero() * (0.5 * (a.distance(*b) - 2.0 * radius)).max(0.0) * share;
-                progress.ended = collide(input, i, *radius, &[*a + way, *b - way], now + 1e-9 >= *until);
+                let starts = if begins { &[*a, *b][..] } else { &[] };
+                progress.ended = collide(input, i, *radius, [starts, &[*a + way, *b - way]], now + 1e-9 >= *until);
             }
         }
     }
@@ -168,15 +170,18 @@ impl ScriptPlayer {
     }
 }
 
-/// Rigid spheres of action `i` at `places`, or their end. Returns whether it is.
-fn collide(input: &mut InputFrame, i: usize, radius: f64, places: &[DVec3], ends: bool) -> bool {
-    for (k, place) in places.iter().enumerate() {
-        let id = (2 * i + k) as u32;
-        input.commands.push(if ends {
-            EditCommand::RemoveCollider { id }
-        } else {
-            EditCommand::PlaceCollider { id, shape: RigidShape::Sphere { radius }, pose: RigidPose::at(*place) }
-        });
+/// Rigid spheres of action `i` at `places`, or their end. Returns whether it is. One that appears goes from where it starts: it may have
+/// come far by the first frame, and would stand in the tissue without having pushed it.
+fn collide(input: &mut InputFrame, i: usize, radius: f64, [starts, places]: [&[DVec3]; 2], ends: bool) -> bool {
+    let id = |k: usize| (2 * i + k) as u32;
+    let place = |(k, at): (usize, &DVec3)| {
+        let shape = RigidShape::Sphere { radius };
+        EditCommand::PlaceCollider { id: id(k), shape, pose: RigidPose::at(*at) }
+    };
+    if ends {
+        input.commands.extend((0..places.len()).map(|k| EditCommand::RemoveCollider { id: id(k) }));
+    } else {
+        input.commands.extend(starts.iter().enumerate().chain(places.iter().enumerate()).map(place));
     }
     ends
 }
