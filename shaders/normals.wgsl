@@ -111,7 +111,7 @@ fn is_lip(t: u32, v: u32) -> bool {
     return (touches & SKIN) != 0u; // an open fan
 }
 
-// What is farther from a lip than this, in diagonals, does not look like one.
+// For what has no lip near it, in diagonals: too far to look like one.
 const FAR_FROM_LIP: f32 = 0.03;
 
 // Distance of a point from the stretch between two points.
@@ -176,8 +176,8 @@ fn corner_of(t: u32, h: u32, turn: u32) -> u32 {
     return wedges[tissues[t].wedges + faces[tissues[t].faces + h / 3u].wedges[(h % 3u + turn) % 3u]].vertex;
 }
 
-// Distance of a vertex from the lip of a wound over the faces around it and around its neighbours, in diagonals, for the picture; at
-// most FAR_FROM_LIP. Faces around it alone are too few: where the skin's own vertices lie close to a cut, its pale edge would end there.
+// Distance of a vertex from the lip of a wound over the faces around it and around its neighbours, in diagonals, for the picture;
+// FAR_FROM_LIP where none of them has one. It is told in full where it is more: over a large face, an edge that is pale would be wide. Faces around it alone are too few: where the skin's own vertices lie close to a cut, its pale edge would end there.
 fn lip_distance(t: u32, v: u32) -> f32 {
     let start = vertices[tissues[t].vertices + v].half_edge;
     if ((tissues[t].flags & WOUNDED) == 0u || start == NONE) {
@@ -207,7 +207,7 @@ fn lip_distance(t: u32, v: u32) -> f32 {
             h = opposite_of(t, h);
         }
     }
-    return min(nearest * tissues[t].detail_scale, FAR_FROM_LIP);
+    return select(nearest * tissues[t].detail_scale, FAR_FROM_LIP, nearest == NO_LIP);
 }
 
 @compute @workgroup_size(64)

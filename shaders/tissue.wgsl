@@ -12,6 +12,10 @@
 const WALL: u32 = 1u;
 // A sliver of wall along a lip, no wider than that: nothing but lip.
 const RIM: u32 = 2u;
+// A face of the skin with all its corners on the lip, and more than lip: how far from it a point is, only the face's own edges tell.
+const BROAD: u32 = 4u;
+// What is farther from a lip than anything that looks like one, in diagonals.
+const OFF_LIP: f32 = 1.0;
 
 struct Corner {
     @builtin(position) clip: vec4f,
@@ -24,6 +28,7 @@ struct Corner {
     @location(6) @interpolate(flat, either) flags: u32,
     @location(7) @interpolate(flat, either) view: u32,
     @location(8) lip: f32, // distance from the lip of a wound, in diagonals
+    @location(9) edges: vec3f, // of a BROAD face: distance from each edge that is a lip, in diagonals
 }
 
 fn to_world(t: u32, p: vec3f) -> vec3f {
@@ -62,6 +67,43 @@ fn is_rim(t: u32, face: u32) -> bool {
     return sides > 1u && width_of(t, face) * tissues[t].detail_scale < LIP_WIDTH;
 }
 
+// True for a face of the skin with all its corners on the lip that has a lip for an edge, or is wider than one.
+fn is_broad(t: u32, face: u32) -> bool {
+    if ((tissues[t].flags & WOUNDED) == 0u) {
+        return false;
+    }
+    for (var k = 0u; k < 3u; k++) {
+        if (deformed[tissues[t].normals + faces[face].wedges[k]].w > 0.0) {
+            return false;
+        }
+    }
+    var has_lip = false;
+    for (var k = 0u; k < 3u; k++) {
+        has_lip |= is_lip_edge(t, faces[face].opposites[k]);
+    }
+    return has_lip || width_of(t, face) * tissues[t].detail_scale > LIP_WIDTH;
+}
+
+// True for an edge of the skin without a face of the skin beyond it.
+fn is_lip_edge(t: u32, opposite: u32) -> bool {
+    return opposite == NONE || (faces[tissues[t].faces + opposite / 3u].draw >> 31u) != 0u;
+}
+
+// Distances of corner `k` of a face from its edges, in diagonals; from those that are no lip OFF_LIP.
+fn from_edges(t: u32, face: u32, k: u32) -> vec3f {
+    var p: array<vec3f, 3>;
+    for (var i = 0u; i < 3u; i++) {
+        p[i] = deformed[tissues[t].positions + wedges[tissues[t].wedges + faces[face].wedges[i]].vertex].xyz;
+    }
+    let doubled_area = length(cross(p[1] - p[0], p[2] - p[0]));
+    var away: array<f32, 3>;
+    for (var i = 0u; i < 3u; i++) {
+        let height = doubled_area / max(distance(p[i], p[(i + 1u) % 3u]), 1e-30) * tissues[t].detail_scale;
+        away[i] = select(OFF_LIP, select(0.0, height, k == (i + 2u) % 3u), is_lip_edge(t, faces[face].opposites[i]));
+    }
+    return vec3f(away[0], away[1], away[2]);
+}
+
 @vertex
 fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> Corner {
     let face = index / 3u;
@@ -86,6 +128,9 @@ fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> 
     out.material = tissues[t].materials + min(draw & 0xffffu, tissues[t].material_count - 1u);
     if ((draw >> 31u) != 0u) {
         out.flags = WALL | select(0u, RIM, is_rim(t, face));
+    } else if (is_broad(t, face)) {
+        out.flags = BROAD;
+        out.edges = from_edges(t, face, index % 3u);
     }
     out.view = view;
     out.clip = frame.views[view].clip_from_world * vec4f(out.position, 1.0);
@@ -219,8 +264,9 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     let position_y = dpdy(in.position);
     let rest_x = dpdx(in.rest);
     let rest_y = dpdy(in.rest);
-    let lip_x = dpdx(in.lip);
-    let lip_y = dpdy(in.lip);
+    let from_lip = select(in.lip, min(in.edges.x, min(in.edges.y, in.edges.z)), (in.flags & BROAD) != 0u);
+    let lip_x = dpdx(from_lip);
+    let lip_y = dpdy(from_lip);
     let scale = length(position_x) / max(length(rest_x), 1e-12); // metres a diagonal
 
     let wall = (in.flags & WALL) != 0u;
@@ -253,8 +299,8 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     let relief = gradient * (max(s.wetness, 0.35) * scale);
     s.film_normal = tilt(s.normal, relief, position_x, position_y, rest_x, rest_y);
     s.normal = normalize(mix(s.normal, s.film_normal, 0.45));
-    if (front && in.lip < 4.0 * LIP_WIDTH) {
-        lip(&s, in.lip, vec2f(lip_x, lip_y), position_x, position_y, scale, in.flags);
+    if (front && from_lip < 4.0 * LIP_WIDTH) {
+        lip(&s, from_lip, vec2f(lip_x, lip_y), position_x, position_y, scale, in.flags);
     }
     return finish(shade(s), in.clip.xy);
 }

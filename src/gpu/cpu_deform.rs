@@ -19,7 +19,7 @@ pub struct Deformed {
     near_lips: Vec<bool>,
 }
 
-/// What is farther from a lip than this, in diagonals, does not look like one.
+/// For what has no lip near it, in diagonals: too far to look like one.
 const FAR_FROM_LIP: f64 = 0.03;
 
 impl Deformed {
@@ -70,11 +70,11 @@ impl Deformed {
         if moved {
             normal = sum.normalize_or(normal);
         }
-        let lip = self.lip_distance(view, v);
-        normal.as_vec3().extend((lip / view.diagonal).min(FAR_FROM_LIP) as f32).to_array()
+        let lip = Some(self.lip_distance(view, v)).filter(|lip| lip.is_finite()).map_or(FAR_FROM_LIP, |lip| lip / view.diagonal);
+        normal.as_vec3().extend(lip as f32).to_array()
     }
 
-    /// Distance of a vertex from the lip over the faces around it and around its neighbours, metres.
+    /// Distance of a vertex from the lip over the faces around it and around its neighbours, metres; infinite where none has one.
     fn lip_distance(&self, view: &TissueView<'_>, v: VertexId) -> f64 {
         if self.lips[v.index()] {
             return 0.0;
