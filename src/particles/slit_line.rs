@@ -13,7 +13,8 @@ pub struct Strip {
     /// `tip0, tip1, base1, base0`, metres: the blade at the earlier sample is `tip0 - base0`, at the later `tip1 - base1`.
     /// Not extended.
     pub corners: [[f64; 3]; 4],
-    /// Radius of influence `d` when the strip was made: it is tested extended by `d` above the base, `d / 4` below the tip at most.
+    /// Radius of influence `d` when the strip was made: it is tested extended by `d` above the base, `d / 4` below the tip at most. 0 for
+    /// a blade in a wound that stood open: its strip is not extended.
     pub reach: f64,
     /// The slit it belongs to. Strips of a slit follow one another; each shares an edge with one before it, but where a chain begins.
     pub slit: u32,
