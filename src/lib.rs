@@ -6,7 +6,7 @@
 //! |---|---|
 //! | [`cli`] | one file a sub-command |
 //! | [`app`] | owns the scene and the tools; one frame reads as a stage list |
-//! | [`host`] | headless, desktop (and, later, VR): each owns its loop |
+//! | [`host`] | headless, desktop and VR: each owns its loop |
 //! | [`panel`] | the control panel: a function of plain state, drawn by a host |
 //! | [`gpu`] | reads a scene, deforms and draws it, never changes it |
 //! | [`input`] | plain input frames, tools, scripts |
