@@ -177,7 +177,8 @@ fn corner_of(t: u32, h: u32, turn: u32) -> u32 {
 }
 
 // Distance of a vertex from the lip of a wound over the faces around it and around its neighbours, in diagonals, for the picture;
-// FAR_FROM_LIP where none of them has one. It is told in full where it is more: over a large face, an edge that is pale would be wide. Faces around it alone are too few: where the skin's own vertices lie close to a cut, its pale edge would end there.
+// FAR_FROM_LIP where none of them has one. It is told in full where it is more: over a large face the pale edge would be wide. Faces around
+// it alone are too few: where the skin's own vertices lie close to a cut, its pale edge would end there.
 fn lip_distance(t: u32, v: u32) -> f32 {
     let start = vertices[tissues[t].vertices + v].half_edge;
     if ((tissues[t].flags & WOUNDED) == 0u || start == NONE) {

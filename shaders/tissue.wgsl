@@ -13,7 +13,7 @@ const WALL: u32 = 1u;
 // A sliver of wall along a lip, no wider than that: nothing but lip.
 const RIM: u32 = 2u;
 // A face of the skin with all its corners on the lip, and more than lip: how far from it a point is, only the face's own edges tell.
-const BROAD: u32 = 4u;
+const BETWEEN_LIPS: u32 = 4u;
 // What is farther from a lip than anything that looks like one, in diagonals.
 const OFF_LIP: f32 = 1.0;
 
@@ -28,7 +28,7 @@ struct Corner {
     @location(6) @interpolate(flat, either) flags: u32,
     @location(7) @interpolate(flat, either) view: u32,
     @location(8) lip: f32, // distance from the lip of a wound, in diagonals
-    @location(9) edges: vec3f, // of a BROAD face: distance from each edge that is a lip, in diagonals
+    @location(9) edges: vec3f, // of a face BETWEEN_LIPS: distance from each edge that is a lip, in diagonals
 }
 
 fn to_world(t: u32, p: vec3f) -> vec3f {
@@ -45,61 +45,58 @@ fn normal_to_world(t: u32, n: vec3f) -> vec3f {
     return vec3f(dot(cross(y, z), n), dot(cross(z, x), n), dot(cross(x, y), n));
 }
 
-// Width of a face over its longest edge, metres.
-fn width_of(t: u32, face: u32) -> f32 {
+fn corners_of(t: u32, face: u32) -> array<vec3f, 3> {
     var p: array<vec3f, 3>;
     for (var k = 0u; k < 3u; k++) {
         p[k] = deformed[tissues[t].positions + wedges[tissues[t].wedges + faces[face].wedges[k]].vertex].xyz;
     }
+    return p;
+}
+
+// Width of a face over its longest edge, metres.
+fn width_of(t: u32, face: u32) -> f32 {
+    let p = corners_of(t, face);
     let sides = vec3f(distance(p[0], p[1]), distance(p[1], p[2]), distance(p[2], p[0]));
     return length(cross(p[1] - p[0], p[2] - p[0])) / max(max(sides.x, max(sides.y, sides.z)), 1e-30);
+}
+
+// True where no face of the skin lies beyond an edge: seen from the skin, a lip.
+fn ends_skin(t: u32, opposite: u32) -> bool {
+    return opposite == NONE || (faces[tissues[t].faces + opposite / 3u].draw >> 31u) != 0u;
 }
 
 // True for a face of a wall with two sides on the skin and no wider than a lip.
 fn is_rim(t: u32, face: u32) -> bool {
     var sides = 0u;
     for (var k = 0u; k < 3u; k++) {
-        let h = faces[face].opposites[k];
-        if (h != NONE && (faces[tissues[t].faces + h / 3u].draw >> 31u) == 0u) {
-            sides++;
-        }
+        sides += select(1u, 0u, ends_skin(t, faces[face].opposites[k]));
     }
     return sides > 1u && width_of(t, face) * tissues[t].detail_scale < LIP_WIDTH;
 }
 
 // True for a face of the skin with all its corners on the lip that has a lip for an edge, or is wider than one.
-fn is_broad(t: u32, face: u32) -> bool {
+fn is_between_lips(t: u32, face: u32) -> bool {
     if ((tissues[t].flags & WOUNDED) == 0u) {
         return false;
     }
+    var has_lip = false;
     for (var k = 0u; k < 3u; k++) {
         if (deformed[tissues[t].normals + faces[face].wedges[k]].w > 0.0) {
             return false;
         }
-    }
-    var has_lip = false;
-    for (var k = 0u; k < 3u; k++) {
-        has_lip |= is_lip_edge(t, faces[face].opposites[k]);
+        has_lip |= ends_skin(t, faces[face].opposites[k]);
     }
     return has_lip || width_of(t, face) * tissues[t].detail_scale > LIP_WIDTH;
 }
 
-// True for an edge of the skin without a face of the skin beyond it.
-fn is_lip_edge(t: u32, opposite: u32) -> bool {
-    return opposite == NONE || (faces[tissues[t].faces + opposite / 3u].draw >> 31u) != 0u;
-}
-
 // Distances of corner `k` of a face from its edges, in diagonals; from those that are no lip OFF_LIP.
 fn from_edges(t: u32, face: u32, k: u32) -> vec3f {
-    var p: array<vec3f, 3>;
-    for (var i = 0u; i < 3u; i++) {
-        p[i] = deformed[tissues[t].positions + wedges[tissues[t].wedges + faces[face].wedges[i]].vertex].xyz;
-    }
+    let p = corners_of(t, face);
     let doubled_area = length(cross(p[1] - p[0], p[2] - p[0]));
     var away: array<f32, 3>;
     for (var i = 0u; i < 3u; i++) {
         let height = doubled_area / max(distance(p[i], p[(i + 1u) % 3u]), 1e-30) * tissues[t].detail_scale;
-        away[i] = select(OFF_LIP, select(0.0, height, k == (i + 2u) % 3u), is_lip_edge(t, faces[face].opposites[i]));
+        away[i] = select(OFF_LIP, select(0.0, height, k == (i + 2u) % 3u), ends_skin(t, faces[face].opposites[i]));
     }
     return vec3f(away[0], away[1], away[2]);
 }
@@ -128,8 +125,8 @@ fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> 
     out.material = tissues[t].materials + min(draw & 0xffffu, tissues[t].material_count - 1u);
     if ((draw >> 31u) != 0u) {
         out.flags = WALL | select(0u, RIM, is_rim(t, face));
-    } else if (is_broad(t, face)) {
-        out.flags = BROAD;
+    } else if (is_between_lips(t, face)) {
+        out.flags = BETWEEN_LIPS;
         out.edges = from_edges(t, face, index % 3u);
     }
     out.view = view;
@@ -264,7 +261,7 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     let position_y = dpdy(in.position);
     let rest_x = dpdx(in.rest);
     let rest_y = dpdy(in.rest);
-    let from_lip = select(in.lip, min(in.edges.x, min(in.edges.y, in.edges.z)), (in.flags & BROAD) != 0u);
+    let from_lip = select(in.lip, min(in.edges.x, min(in.edges.y, in.edges.z)), (in.flags & BETWEEN_LIPS) != 0u);
     let lip_x = dpdx(from_lip);
     let lip_y = dpdy(from_lip);
     let scale = length(position_x) / max(length(rest_x), 1e-12); // metres a diagonal
