@@ -2,6 +2,7 @@
 
 use super::Model;
 use crate::geometry::VertexId;
+use crate::geometry::measure::measure;
 use glam::DVec3;
 
 /// Volumes below this share of area times diagonal are rounding: a plate of two sheets has none.
@@ -30,19 +31,8 @@ pub(crate) fn warn(model: &mut Model) {
 
 /// True for a closed surface with a negative volume in the stored pose, all parts and cavities together.
 fn is_inside_out(model: &Model) -> bool {
-    let mesh = &model.mesh;
-    if mesh.live_faces().any(|f| mesh.all_opposites()[f.index()].iter().any(|h| h.is_none())) {
-        return false;
-    }
     let pose = model.rig.rest_pose();
-    let posed: Vec<DVec3> = (0..mesh.vertex_slots()).map(|v| pose.skin(&model.rows, VertexId::new(v))).collect();
-    let (mut volume, mut area) = (0.0, 0.0);
-    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    for f in mesh.live_faces() {
-        let [a, b, c] = mesh.face(f).map(|v| posed[v.index()]);
-        volume += a.dot(b.cross(c)) / 6.0;
-        area += (b - a).cross(c - a).length() / 2.0;
-        (min, max) = (min.min(a).min(b).min(c), max.max(a).max(b).max(c));
-    }
-    volume < -FLAT * area * (max - min).length()
+    let posed: Vec<DVec3> = (0..model.mesh.vertex_slots()).map(|v| pose.skin(&model.rows, VertexId::new(v))).collect();
+    let measured = measure(&model.mesh, |v| posed[v.index()]);
+    measured.closed() && measured.volume < -FLAT * measured.area * measured.diagonal()
 }

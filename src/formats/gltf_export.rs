@@ -48,8 +48,7 @@ pub struct ExportReport {
 pub fn export_glb(rig: &Rig, pieces: &[ExportPiece<'_>], pose: &Pose) -> Result<(Vec<u8>, ExportReport), FormatError> {
     let origin = file_origin(rig, pieces);
     let mut export = Export::new(rig, origin);
-    let shift = rig.origin - origin;
-    let vertices: Vec<Vec<Option<PlainVertex>>> = pieces.iter().map(|p| plain_vertices(shift, p, pose)).collect();
+    let vertices: Vec<Vec<Option<PlainVertex>>> = pieces.iter().map(|p| plain_vertices(export.shift, p, pose)).collect();
     for (piece, vertices) in pieces.iter().zip(&vertices) {
         export.piece(piece, vertices)?;
     }
