@@ -167,8 +167,8 @@ impl Mesh {
     }
 
     /// Removes whole components: `faces` (live, each once), and `vertices`, which are theirs alone; with a face of a section that
-    /// is `whole` (known to be connected in itself; sections beyond the list are not) all of it goes. Wedges, opposites and links of the dead slots stay as they are:
-    /// whoever takes a slot writes them anew.
+    /// is `whole` (known to be connected in itself; sections beyond the list are not) all of it goes. Wedges, opposites and links of the
+    /// dead slots stay as they are: whoever takes a slot writes them anew.
     pub fn remove_components(&mut self, faces: &[FaceId], vertices: impl Iterator<Item = VertexId>, whole: &[bool]) {
         self.faces.update(faces.iter().map(|f| f.index()), |_| [VertexId::NONE; 3]);
         debug_assert!(faces.iter().all(|f| {

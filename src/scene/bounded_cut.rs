@@ -39,10 +39,7 @@ impl Scene {
             let mut deltas = Vec::new();
             note_delta(&mut self.changes, id, tissue.take_delta(), &mut deltas);
             report.bytes_uploaded += if self.measuring { upload_bytes(&deltas) } else { 0 };
-            let (crumbs, severed) = report.stages.time("components", || {
-                let crumbs = before.drop_crumbs(tissue, 0.0);
-                (crumbs, before.new_components(tissue))
-            });
+            let (severed, crumbs) = report.stages.time("components", || before.new_components(tissue, 0.0));
             report.area_removed += crumbs;
             let made = self.separate(id, severed, deltas, &mut unit, &mut report);
             let side = |scene: &Self, id: TissueId| match scene.tissues.get(&id) {

@@ -142,10 +142,7 @@ impl Scene {
             if !stroke.has_torn() {
                 continue;
             }
-            let (crumbs, severed) = report.stages.time("components", || {
-                let crumbs = before.drop_crumbs(tissue, stroke.shreds());
-                (crumbs, before.new_components(tissue))
-            });
+            let (severed, crumbs) = report.stages.time("components", || before.new_components(tissue, stroke.shreds()));
             if crumbs > 0.0 {
                 report.area_removed += crumbs;
                 ended.note_changes(tissue, &mut self.changes, self.measuring);
@@ -202,11 +199,12 @@ impl Before {
         tissue.note_parts(&mut self.parts);
     }
 
-    /// Drops crumbs that have come off ([`Tissue::crumb_area`], which `shreds` is for). Returns their surface, square metres.
-    pub(super) fn drop_crumbs(&mut self, tissue: &mut Tissue, shreds: f64) -> f64 {
-        let now = tissue.parts();
+    /// Components that were split off: of each component there was, all parts but the largest, with the cavities inside them. Faces
+    /// ascending. Crumbs among them ([`Tissue::crumb_area`], which `shreds` is for) are dropped; the second is their surface, square metres.
+    pub(super) fn new_components(&mut self, tissue: &mut Tissue, shreds: f64) -> (Vec<Vec<FaceId>>, f64) {
+        let mut now = tissue.parts();
         self.find_largest(tissue.mesh(), &now);
-        let Self { keep, crumbs, .. } = self;
+        let Self { keep, crumbs, .. } = &mut *self;
         crumbs.clear();
         let mut dropped = 0.0;
         for (_, part) in now.iter().enumerate().filter(|(i, _)| !keep.contains(i)) {
@@ -215,19 +213,13 @@ impl Before {
                 dropped += area;
             }
         }
-        tissue.keep_parts(now);
         if !crumbs.is_empty() {
             crumbs.sort_unstable();
+            tissue.keep_parts(now);
             tissue.drop_crumbs(crumbs);
+            now = tissue.parts();
+            self.find_largest(tissue.mesh(), &now);
         }
-        dropped
-    }
-
-    /// Components that were split off: of each component there was, all parts but the largest, with the cavities inside them.
-    /// Faces ascending.
-    pub(super) fn new_components(&mut self, tissue: &mut Tissue) -> Vec<Vec<FaceId>> {
-        let mut now = tissue.parts();
-        self.find_largest(tissue.mesh(), &now);
         let keep = &self.keep;
         for (cavity, around) in tissue.severed_cavities(&now, keep) {
             let cavity = now[cavity].take();
@@ -238,7 +230,7 @@ impl Before {
         if left.is_empty() {
             tissue.keep_parts(now);
         }
-        left
+        (left, dropped)
     }
 
     /// Sets `keep` to the largest part of each component there was.

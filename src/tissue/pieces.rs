@@ -4,7 +4,7 @@
 //! bounds, and the particles' matrix is cut out of the parent's.
 
 use super::{SoftLayer, Tissue};
-use crate::geometry::{Components, Extraction, FaceId, HalfEdge, Part, ParticleId, SectionId, VertexId};
+use crate::geometry::{Components, Extraction, FaceId, HalfEdge, Measures, Part, ParticleId, SectionId, VertexId};
 use crate::particles::{ParticleMap, RowBefore, StripsDerived};
 use crate::rig::{RowEntry, VertexRows};
 use glam::DVec3;
@@ -68,15 +68,9 @@ impl Tissue {
             return None;
         }
         let faces = || part.all_faces(&self.mesh);
-        let corners = || faces().flat_map(|f| self.mesh.face(f)).map(|v| self.position(v));
-        let low = corners().fold(DVec3::INFINITY, DVec3::min);
-        let size = (corners().fold(DVec3::NEG_INFINITY, DVec3::max) - low).length();
-        let (mut area, mut volume) = (0.0, 0.0);
-        for f in faces() {
-            let [a, b, c] = self.mesh.face(f).map(|v| self.position(v) - low);
-            area += 0.5 * (b - a).cross(c - a).length();
-            volume += a.dot(b.cross(c)) / 6.0;
-        }
+        let mut measured = Measures::EMPTY;
+        measured.add_faces(&self.mesh, faces(), |v| self.position(v));
+        let (size, Measures { area, volume, .. }) = (measured.diagonal(), measured);
         let diagonal = self.diagonal();
         let is_open = faces().any(|f| (0..3).any(|k| self.mesh.opposite(HalfEdge::of(f, k)).is_none()));
         let thickness = 2.0 * volume.abs() / area;

@@ -40,9 +40,12 @@ impl TearStroke {
     /// True for a box that cut walls alone, or skin farther down: it went on in a wound that stood open.
     pub(super) fn is_in_wound(&self, tissue: &Tissue, tear_box: &TearBox) -> bool {
         let Some(layer) = tissue.layer.as_ref().filter(|_| self.step.walls_cut > 0) else { return false };
+        if self.step.skin_cut == 0 {
+            return true;
+        }
         let [all, skin] = self.cut_heights(tissue, tear_box, 0);
         let [tip, top] = tear_box.blades[0];
-        self.step.skin_cut == 0 || (all - skin) * tip.distance(top) > IN_WOUND * layer.settings.radius
+        (all - skin) * tip.distance(top) > IN_WOUND * layer.settings.radius
     }
 
     /// The part of the blade at one end of a box that went through what the box cut, and below it as far as a strip parts.
