@@ -14,6 +14,9 @@ use incise::tissue::Tissue;
 
 const STEP: f64 = 1.0 / 90.0;
 
+/// Of the strokes over a ball, metres.
+const WIDTH: f64 = 0.0017;
+
 fn only(scene: &Scene) -> &Tissue {
     scene.tissues().next().unwrap().1
 }
@@ -442,12 +445,18 @@ fn a_heart_torn_while_it_beats_falls_asleep() {
     assert_eq!(asleep, 199, "asleep from the eighth second on");
 }
 
-/// A straight stroke over the front of a ball of radius 0.5, `y` metres off its middle.
+/// A straight stroke over the front of a ball of radius 0.5, along x and `y` metres off its middle.
 fn stroke_over_the_front(scene: &mut Scene, y: f64, begins: f64) {
-    scene.edit(EditCommand::StrokeBegin { width: 0.0017 });
+    stroke(scene, begins, |x| [DVec3::new(x, y, 0.4), DVec3::new(1.3 * x, y, 1.0)]);
+}
+
+/// A stroke of half a second of a blade whose tip and base are told for each place from -0.25 to 0.25, and a second more for its wound to
+/// open.
+fn stroke(scene: &mut Scene, begins: f64, blade: impl Fn(f64) -> [DVec3; 2]) {
+    scene.edit(EditCommand::StrokeBegin { width: WIDTH });
     for k in 0..=45 {
         let (x, t) = (-0.25 + 0.5 * f64::from(k) / 45.0, begins + f64::from(k) * STEP);
-        let (tip, base) = (DVec3::new(x, y, 0.4), DVec3::new(1.3 * x, y, 1.0));
+        let [tip, base] = blade(x);
         scene.edit(EditCommand::StrokePose(BladePose { t, tip, base }));
         scene.pose(t, 0.0);
         scene.step(STEP);
@@ -488,4 +497,41 @@ fn a_stroke_in_an_open_wound_leaves_its_lips_smooth() {
     assert!(seen > 60 && before.iter().all(|lip| lip.1 > 0.01), "{seen} lips, {before:?}");
     let strips = only(&scene).layer().unwrap().strips.as_slice();
     assert!(strips.iter().filter(|s| s.is_beside() && s.reach == 0.0).count() > 8, "the second stroke has cut the floor");
+}
+
+/// A blade that crosses an open wound cuts tissue that its lips hold aside, and the air between them. At rest its strips lie where its lips
+/// do, and go on its way: one through the air would lie along the first wound, and part what is there.
+#[test]
+fn a_stroke_across_an_open_wound_leaves_its_lips_smooth() {
+    let mut scene = users_scene("sphere", 17_328, 0.3);
+    scene.set_wall(WallMode::Closed);
+    stroke_over_the_front(&mut scene, 0.0, 0.0);
+    let first = only(&scene).layer().unwrap().strips.len();
+    let onwards = DVec3::new(0.2, 1.0, 0.0).normalize();
+    stroke(&mut scene, 2.0, |y| [0.4 * DVec3::Z + y * onwards, DVec3::Z + 1.3 * y * onwards]);
+    let tissue = only(&scene);
+    let (mesh, rest, strips) = (tissue.mesh(), tissue.rest_positions(), &tissue.layer().unwrap().strips);
+    // those that run along the floor apart
+    for (k, strip) in strips.as_slice().iter().enumerate().skip(first).filter(|(_, s)| !s.is_beside()) {
+        let [tip, next_tip, next_base, base] = strip.corners.map(DVec3::from_array);
+        assert!((next_tip - tip + next_base - base).dot(onwards) > 0.0, "strip {k} runs backwards");
+        for v in mesh.live_vertices().filter(|v| strips.lip_sides(*v).iter().any(|lip| lip.strip as usize == k)) {
+            let off = (rest[v.index()] - tip).dot(strips.geometry(k).normal()).abs();
+            assert!(off < WIDTH, "strip {k} lies {off} off its lip {v:?}");
+        }
+    }
+    // edges between lips of one side
+    let lip_of = |v: VertexId| strips.lip_sides(v).iter().find(|lip| lip.strip as usize >= first).map(|lip| lip.side);
+    let moved = |v: VertexId| tissue.position(v) - rest[v.index()];
+    let mut looked_at = 0;
+    let half_edges = mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
+    for h in half_edges.filter(|h| !mesh.face_info(h.face()).is_interior()) {
+        let [a, b] = [mesh.from(h), mesh.to(h)];
+        if lip_of(a).is_some() && lip_of(a) == lip_of(b) {
+            let strain = moved(a).distance(moved(b)) / rest[a.index()].distance(rest[b.index()]);
+            assert!(strain < 0.5, "{a:?} {b:?}: {strain}");
+            looked_at += 1;
+        }
+    }
+    assert!(looked_at > 60, "{looked_at}");
 }

@@ -46,7 +46,7 @@ pub use plane_update::{PlaneCutVertices, PlaneUpdateScratch, update_after_plane_
 pub use poisson::{PoissonScratch, sample, sample_count, sample_with};
 pub use quality::{SampleQuality, sample_quality};
 pub use settings::{ParticleSettings, SettingsError, WoundSettings};
-pub use strip_test::StripGeometry;
+pub use strip_test::{StripGeometry, share_between};
 pub(crate) use strips::StripsDerived;
 pub use strips::{LipSide, Strip, StripError, Strips, StripsDelta, WoundMark};
 pub use ways_round::WaysRound;

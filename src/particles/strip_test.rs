@@ -370,6 +370,17 @@ impl StripGeometry {
     }
 }
 
+/// Where `p` lies along a strip `(tip0, tip1, base1, base0)` with this unit normal: 0 at its start, 1 at its end. A blade that leans sweeps
+/// a fan, and a place in it lies between the two ends as its distances from them say.
+pub fn share_between([tip0, tip1, base1, base0]: [DVec3; 4], normal: DVec3, p: DVec3) -> f64 {
+    let inside = |tip: DVec3, base: DVec3, others: DVec3| {
+        let inwards = normal.cross(base - tip).normalize_or_zero();
+        (p - tip).dot(inwards) * (others - tip - base).dot(inwards).signum()
+    };
+    let (start, end) = (inside(tip0, base0, tip1 + base1), inside(tip1, base1, tip0 + base0));
+    if start + end > 0.0 { start / (start + end) } else { 0.5 }
+}
+
 /// See [`StripGeometry::duals`].
 fn duals([p, q, s]: [DVec3; 3]) -> [DVec3; 2] {
     let (u, w) = (q - p, s - p);

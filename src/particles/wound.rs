@@ -12,6 +12,7 @@ use super::map_report::MapUpdateReport;
 use super::map_update::{Update, UpdateScratch};
 use super::particle_map::ParticleMap;
 use super::settings::ParticleSettings;
+use super::strip_test::share_between;
 use super::strips::{LipSide, Strips, WoundMark};
 use crate::geometry::{HalfEdge, Mesh, VertexId};
 use glam::DVec3;
@@ -22,17 +23,9 @@ const MOST_BETWEEN_LIPS: usize = 128;
 /// A strip, and where its lips begin and end along it, [`share_along`].
 pub(super) type Stretch = (usize, (f64, f64));
 
-/// Where `p` lies along strip `k`: 0 at its start, 1 at its end. A blade that leans sweeps a fan, and a place in it lies between the two
-/// ends as its distances from them say.
+/// Where `p` lies along strip `k`, [`share_between`].
 pub(super) fn share_along(strips: &Strips, k: usize, p: DVec3) -> f64 {
-    let [tip0, tip1, base1, base0] = strips.as_slice()[k].corners.map(DVec3::from_array);
-    let normal = strips.geometry(k).normal();
-    let inside = |tip: DVec3, base: DVec3, others: DVec3| {
-        let inwards = normal.cross(base - tip).normalize_or_zero();
-        (p - tip).dot(inwards) * (others - tip - base).dot(inwards).signum()
-    };
-    let (start, end) = (inside(tip0, base0, tip1 + base1), inside(tip1, base1, tip0 + base0));
-    if start + end > 0.0 { start / (start + end) } else { 0.5 }
+    share_between(strips.as_slice()[k].corners.map(DVec3::from_array), strips.geometry(k).normal(), p)
 }
 
 /// Where the lips of a strip begin and end along it, [`share_along`]. At rest a strip that was cut in a bent pose may lie beside its lips,

@@ -470,11 +470,11 @@ impl Tissue {
         self.layer.as_ref().is_none_or(at_rest) && !self.fades.running(self.time_s)
     }
 
-    /// Carries posed points (tissue space) to rest space with the frame of vertex `v`.
-    fn rest_frame(&self, v: VertexId) -> impl Fn(DVec3) -> DVec3 + use<> {
+    /// Carries posed points (tissue space) to rest space with the frame of vertex `v`, which is seen at `at`.
+    fn rest_frame(&self, v: VertexId, at: DVec3) -> impl Fn(DVec3) -> DVec3 + use<> {
         let linear = self.linear(v);
         let inverse = if linear.determinant().abs() > 1e-9 { linear.inverse() } else { glam::DMat3::IDENTITY };
-        let (rest, at) = (self.rest[v.index()], self.position(v));
+        let rest = self.rest[v.index()];
         move |p| rest + inverse * (p - at)
     }
 

@@ -267,10 +267,10 @@ mod tests {
         let mut tissue = tissue("sphere", true);
         let v = tissue.mesh.live_vertices().nth(5).unwrap();
         let tied = tissue.skinned(v) + DVec3::new(0.02, -0.01, 0.05);
-        let rest = tissue.rest_frame(v)(tied);
+        let rest = tissue.rest_frame(v, tissue.position(v))(tied);
         let (q, shift) = (DQuat::from_rotation_x(0.8), DVec3::Y);
         turn_all(&mut tissue, q, shift);
         assert!(tissue.posed_frame(v)(rest).distance(q * tied + shift) < 1e-6);
-        assert!(tissue.rest_frame(v)(q * tied + shift).distance(rest) < 1e-6);
+        assert!(tissue.rest_frame(v, tissue.position(v))(q * tied + shift).distance(rest) < 1e-6);
     }
 }

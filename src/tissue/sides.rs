@@ -20,12 +20,12 @@ impl Tissue {
     pub(super) fn list_lips(
         &self,
         (strip, [[tip, base], [next_tip, next_base]]): (usize, [[DVec3; 2]; 2]),
-        (points, made): (&[LipPoint], &[NewVertex]),
+        (points, made): (impl Iterator<Item = LipPoint>, &[NewVertex]),
         seen: impl Fn(VertexId) -> DVec3,
         lips: &mut Vec<LipVertex>,
     ) {
         // a strip's normal, travel x up, points to the minus side of boxes and leaves
-        lips.extend(points.iter().map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }));
+        lips.extend(points.map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }));
         // where all vertices are seen where they are at rest, nothing differs
         let Some(layer) = self.layer.as_ref().filter(|_| self.posed().rest.is_none()) else { return };
         let cut = StripGeometry::new([tip, next_tip, next_base, base], layer.strips.as_slice()[strip].reach);

@@ -269,7 +269,7 @@ pub(in crate::tissue) fn bind_slit(
     });
     lips.clear();
     if let Some(strip) = strip {
-        tissue.list_lips((strip, cut), (&step.lips, &step.new_vertices), |v| tissue.position(v), lips);
+        tissue.list_lips((strip, cut), (step.lips.iter().copied(), &step.new_vertices), |v| tissue.position(v), lips);
     }
     let update = stages.time("update_particles", || {
         // vertices at the joint have sides only now: links that reach them are tested against the strip before, too
@@ -285,7 +285,7 @@ pub(in crate::tissue) fn bind_slit(
 /// Two points carried to rest space by the surface vertex nearest to the second.
 pub(in crate::tissue) fn at_rest(tissue: &Tissue, faces: &[FaceId], [tip, top]: [DVec3; 2]) -> [DVec3; 2] {
     match nearest_vertex(tissue, faces, top, &|v| tissue.position(v)) {
-        Some(v) => [tip, top].map(tissue.rest_frame(v)),
+        Some(v) => [tip, top].map(tissue.rest_frame(v, tissue.position(v))),
         None => [tip, top],
     }
 }

@@ -531,31 +531,14 @@ impl TearStroke {
         // in an open wound, what the blade swept above what it cut was air, and is elsewhere at rest
         let is_in_wound = self.is_in_wound(tissue, tear_box);
         let blades = [0, 1].map(|end| if is_in_wound { self.cut_part(tissue, tear_box, end) } else { tear_box.blades[end] });
-        let start = start.unwrap_or_else(|| self.rest_edge(tissue, blades[0]));
-        let end = self.rest_edge(tissue, blades[1]);
-        let strip = report.stages.time("disconnect_particles", || {
-            let layer = tissue.layer.as_mut()?;
-            let corners = [start[0], end[0], end[1], start[1]];
-            let reach = if is_in_wound { 0.0 } else { layer.settings.radius };
-            layer.strips.push_strip(corners, reach, self.slit, step.skin_cut == 0).ok()
-        });
-        let Self { lips, removed, positions, .. } = self;
-        lips.clear();
-        if let Some(strip) = strip {
-            let seen = |v| positions.of(tissue, v);
-            tissue.list_lips((strip, blades), (&step.lips, &step.new_vertices), seen, lips);
+        let reach = if is_in_wound { 0.0 } else { tissue.layer.as_ref().map_or(0.0, |layer| layer.settings.radius) };
+        let (parts, end) = self.strip_parts(tissue, blades, start);
+        for part in parts.iter().flatten() {
+            if part.is_apart {
+                self.begin_slit(tissue, false);
+            }
+            self.bind_strip(tissue, part, reach, report);
         }
-        removed.clear();
-        removed.extend(step.touched.iter().filter(|&&v| !tissue.mesh.vertex_is_live(v)));
-        let update = report.stages.time("update_particles", || {
-            let strips = strip.map_or(0..0, |s| s..s + 1);
-            tissue.update_map(&step.new_vertices, removed, strips, lips)
-        });
-        let made = self.step.new_vertices.iter().map(|n| n.vertex);
-        self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
-        report.wound_particles = update.particles_added.len();
-        report.vertices_visited = update.vertices_visited;
-        tissue.scratch.update.reuse(update);
         let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
         report.wall_deviation = corners.map(|n| tissue.faded(n.vertex).length()).fold(0.0, f64::max);
         tissue.versions.structure += 1;

@@ -34,7 +34,7 @@ fn only(v: VertexId) -> Few {
 impl Tie {
     fn new(tissue: &Tissue, quad: &PendingQuad<'_>, vertices: Few) -> Self {
         let (serial, joint, posed) = (quad.serial, quad.joint, *quad.corners);
-        let at_rest = |v: VertexId| if v.is_some() { posed.map(tissue.rest_frame(v)) } else { posed };
+        let at_rest = |v: VertexId| if v.is_some() { posed.map(tissue.rest_frame(v, tissue.position(v))) } else { posed };
         let mut tie = Self { serial, joint, pins: Pins::default(), vertices, rest: vertices.map(at_rest), posed };
         tie.posed = tie.carried(tissue);
         tie
