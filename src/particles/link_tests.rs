@@ -320,7 +320,9 @@ impl LinkUnderTest<'_> {
         let k = k as usize;
         let (strips, rest, views, ends) = (self.strips, self.rest, &mut self.views, [self.anchor, self.v]);
         let known_ends = ends.map(|end| strips.link_end(k, rest, end));
-        strips.geometry(k).crosses_viewed(known_ends, |end, known| views[end].view(strips, rest, (ends[end], k), known))
+        let crosses =
+            strips.geometry(k).crosses_viewed(known_ends, |end, known| views[end].view(strips, rest, (ends[end], k), known));
+        crosses && !strips.are_of_one_lip(k, ends)
     }
 
     /// The same with the outcodes of both ends. Where geometry says of both what is known of them, it settles most.
@@ -338,7 +340,10 @@ impl LinkUnderTest<'_> {
         match around.iter().find(|a| a.0 == k) {
             Some(&(_, own)) => self.crosses_coded(k, [code, own]),
             None if code == 0 => self.crosses(k),
-            None => self.strips.geometry(k as usize).crosses(a, p),
+            None => {
+                let k = k as usize;
+                self.strips.geometry(k).crosses(a, p) && !(self.is_lip && self.strips.are_of_one_lip(k, [self.anchor, self.v]))
+            }
         }
     }
 }

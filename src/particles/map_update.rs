@@ -27,9 +27,6 @@ use std::ops::Range;
 /// they push out no link that was there.
 pub const EXTRA_INFLUENCES: usize = 16;
 
-/// Links of a particle to vertices next to each other that are tested together.
-const TOGETHER: usize = 8;
-
 /// Scratch of [`update_after_edit`], kept between updates.
 #[derive(Clone, Debug, Default)]
 pub struct UpdateScratch {
@@ -45,7 +42,7 @@ pub struct UpdateScratch {
     pub(super) tests: LinkTests,
     pub(super) asked: AskedFirst,
     pub(super) codes: Codes,
-    reaches: Reaches,
+    pub(super) reaches: Reaches,
     pub(super) work: Vec<VertexId>,
     weighted: Vec<(f64, ParticleId)>,
     pub(super) links: Vec<Link>,
@@ -66,7 +63,7 @@ pub struct UpdateScratch {
     candidates: Vec<ParticleId>,
     /// Links that new vertices may have, and those of one particle among them that are short enough.
     wanted: LinksWanted,
-    in_reach: Vec<VertexId>,
+    pub(super) in_reach: Vec<VertexId>,
     row: Vec<Influence>,
     pub(super) lost: Vec<ParticleId>,
     /// Lips of the strip that a slit ends with.
@@ -287,56 +284,6 @@ impl Update<'_, '_> {
         tests.connects((self.strips, self.rest, self.map, self.settings), (j, v), asked)
     }
 
-    /// Particles whose anchor was clipped take the nearest vertex that they still hold, if it is near, on their side of
-    /// every strip and no anchor yet; else they retire. Returns how many have moved: what holds a vertex still leaves nothing to regain.
-    fn move_clipped_anchors(&mut self) -> usize {
-        let clipped = |j: &ParticleId| !self.mesh.vertex_is_live(self.map.anchors[j.index()]);
-        let mut lost = std::mem::take(&mut self.scratch.lost);
-        lost.clear();
-        lost.extend(self.scratch.near.iter().filter(|j| clipped(j)));
-        let mut holds = std::mem::take(&mut self.scratch.work);
-        for &j in &lost {
-            let old = self.map.anchors[j.index()];
-            let mut best = (self.settings.spacing, VertexId::NONE);
-            holds.clear();
-            let s = &*self.scratch;
-            let is_held = |v: VertexId| v.index() < self.map.influences.rows() && s.rows.holds(v, j, self.map);
-            let everywhere = (DVec3::NEG_INFINITY, DVec3::INFINITY);
-            self.strips.places.holders.visit(j, everywhere.0, everywhere.1, |v| holds.push(v));
-            holds.extend((0..s.rows.count()).map(|i| s.rows.vertex(i)));
-            holds.retain(|&v| is_held(v) && self.mesh.vertex_is_live(v));
-            holds.sort_unstable();
-            holds.dedup();
-            for &v in &holds {
-                let distance = self.rest[v.index()].distance(self.rest[old.index()]);
-                if (distance, v) < best && !self.is_anchor(v) && self.strips.connects_vertices(self.rest, old, v) {
-                    best = (distance, v);
-                }
-            }
-            for &v in &holds {
-                self.scratch.rows.open(v, self.map).remove(j);
-            }
-            self.unlink(j);
-            self.map.anchors.set(j.index(), best.1);
-            self.scratch.reaches.forget(j);
-            if best.1.is_some() {
-                self.strips.places.anchors.insert(j.0, self.rest[best.1.index()]);
-                self.scratch.reaches.note(self.settings, self.map, self.rest, j);
-                self.hold_again(j, &holds);
-                self.scratch.unlinked.push(j);
-                self.report.reanchored.push(j);
-            } else {
-                self.map.rest_displacement.set(j.index(), [0.0; 3]);
-                self.report.retired.push(j);
-            }
-            self.report.particles_changed.push(j);
-        }
-        (self.scratch.lost, self.scratch.work) = (lost, holds);
-        let map = &*self.map;
-        self.scratch.near.retain(|j| map.anchors[j.index()].is_some());
-        self.scratch.unlinked.len()
-    }
-
     /// True if a particle near the wound is anchored to `v`.
     pub(super) fn is_anchor(&self, v: VertexId) -> bool {
         self.scratch.near.iter().any(|j| self.map.anchors[j.index()] == v)
@@ -346,12 +293,20 @@ impl Update<'_, '_> {
     /// and those that no parent had.
     fn regain(&mut self) {
         let limit = self.settings.max_influences;
+        // a vertex that was there and is a lip only now knows its side, and what its neighbours on that side have
+        for lip in
+            self.edit.lips.iter().filter(|l| self.strips.lip_sides(l.vertex).len() == 1 && self.mesh.vertex_is_live(l.vertex))
+        {
+            self.scratch.rows.open(lip.vertex, self.map);
+        }
         self.scratch.rows.list(&mut self.scratch.work);
         let mut next = 0;
         while next < self.scratch.work.len() {
             let v = self.scratch.work[next];
             next += 1;
-            if self.scratch.rows.open(v, self.map).len() >= limit {
+            let row = self.scratch.rows.open(v, self.map);
+            let limit = if row.is_new() { limit + EXTRA_INFLUENCES / 2 } else { limit };
+            if row.len() >= limit {
                 continue;
             }
             let mut gained = false;
@@ -396,7 +351,7 @@ impl Update<'_, '_> {
     }
 
     /// Removes a particle from its neighbours' rows and clears its own.
-    fn unlink(&mut self, j: ParticleId) {
+    pub(super) fn unlink(&mut self, j: ParticleId) {
         let count = self.map.neighbours.row(j.index()).len();
         for i in 0..count {
             self.remove_link(self.map.neighbours.row(j.index())[i].particle, j);
@@ -429,23 +384,6 @@ impl Update<'_, '_> {
         self.report.particles_added.push(j);
         self.report.particles_changed.push(j);
         j
-    }
-
-    /// A re-anchored particle holds again what it held, as far as it may from its new place: what it held is covered as before, and
-    /// around the new anchor others hold what it did not.
-    fn hold_again(&mut self, j: ParticleId, held: &[VertexId]) {
-        let (map, strips, rest, settings) = (&*self.map, &*self.strips, self.rest, self.settings);
-        let UpdateScratch { rows, reaches, tests, in_reach, .. } = &mut *self.scratch;
-        in_reach.clear();
-        in_reach.extend(held.iter().filter(|&&v| reaches.weight(settings, map, rest, v, j) > 0.0));
-        // what stands side by side in the list mostly lies together
-        for near in in_reach.chunks(TOGETHER) {
-            tests.each_near((strips, rest, map, settings), j, near, |v, parted_by| {
-                if parted_by.is_none() {
-                    rows.open(v, map).add(j);
-                }
-            });
-        }
     }
 
     /// Finds the neighbours of new and re-anchored particles, and the influences of all but the first `moved`, which hold theirs.

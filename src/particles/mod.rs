@@ -1,6 +1,7 @@
 //! The soft layer: sampling, the particle map, strips, the update after a wound (MATHS 3).
 
 pub mod build;
+mod clipped_anchors;
 mod cut_links;
 pub mod extract;
 pub mod flood;

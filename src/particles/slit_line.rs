@@ -22,7 +22,17 @@ pub struct Strip {
     pub beside: u32,
 }
 
+/// Where strips of a chain turn by more in all, a lip is no longer one piece: the way along it is a fifth longer than the straight one by
+/// then, if it goes round in a circle.
+const MOST_TURN: f64 = std::f64::consts::TAU / 3.0;
+
 impl Strip {
+    /// Towards side +1, twice the mean of its triangles' areas long.
+    fn normal(&self) -> DVec3 {
+        let [tip0, tip1, base1, base0] = self.corners.map(DVec3::from_array);
+        (tip1 - base0).cross(base1 - tip0)
+    }
+
     /// True if it runs beside the line of its slit: it parts what it parts, and holds no wound particles.
     pub fn is_beside(&self) -> bool {
         self.beside != 0
@@ -44,6 +54,9 @@ pub(super) struct Along {
     /// The strip that ends in the edge that this one starts from, and the one that starts where it ends; or [`NONE`].
     pub(super) last: u32,
     pub(super) next: u32,
+    /// The first of the strips that share edges up to this one, and by how much they turn in all on the way here, radians.
+    chain: u32,
+    turn: f64,
 }
 
 impl Along {
@@ -60,6 +73,15 @@ impl Along {
         if let Some(m) = last.filter(|&m| along[m].next == NONE) {
             along[m].next = k as u32;
         }
-        Self { start, before, length, last: last.map_or(NONE, |m| m as u32), next: NONE }
+        let (chain, turn) = last.map_or((k as u32, 0.0), |m| {
+            let turn = strips[m].normal().angle_between(strip.normal());
+            (along[m].chain, along[m].turn + if turn.is_finite() { turn } else { 0.0 })
+        });
+        Self { start, before, length, last: last.map_or(NONE, |m| m as u32), next: NONE, chain, turn }
+    }
+
+    /// True if so little turns between two strips of one chain that their lips on one side are of one piece.
+    pub(super) fn is_in_line(&self, other: &Self) -> bool {
+        self.chain == other.chain && (self.turn - other.turn).abs() <= MOST_TURN
     }
 }

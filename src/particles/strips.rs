@@ -239,7 +239,18 @@ impl Strips {
     pub fn crosses(&self, k: usize, rest: &[DVec3], a: VertexId, b: VertexId) -> bool {
         let ends = [a, b];
         let view = |end: usize, known| self.lip_view(k, rest, ends[end], known);
-        self.geometry(k).crosses_viewed(ends.map(|end| self.link_end(k, rest, end)), view)
+        self.geometry(k).crosses_viewed(ends.map(|end| self.link_end(k, rest, end)), view) && !self.are_of_one_lip(k, ends)
+    }
+
+    /// True if two vertices are lips of the slit of strip `k`, on one side of it, and little turns between them and it: the tissue goes
+    /// along the slit from one to the other, and where that bends the straight way between the outer lips leads through it.
+    pub(super) fn are_of_one_lip(&self, k: usize, [a, b]: [VertexId; 2]) -> bool {
+        let along = &self.derived.along;
+        let is_near = |lip: &&LipSide| along[lip.strip as usize].is_in_line(&along[k]);
+        let others = self.lip_sides(b).iter().filter(is_near);
+        let mut lips = self.lip_sides(a).iter().filter(is_near);
+        let in_line = |lip: &LipSide, other: &LipSide| along[lip.strip as usize].is_in_line(&along[other.strip as usize]);
+        lips.any(|lip| others.clone().any(|other| other.side == lip.side && in_line(lip, other)))
     }
 
     /// A vertex as the end of a link that may cross strip `k`.

@@ -65,6 +65,11 @@ impl WorkRow {
         is_there
     }
 
+    /// True for the row of a vertex that the edit has made.
+    pub fn is_new(&self) -> bool {
+        self.is_new
+    }
+
     /// Number of particles.
     pub fn len(&self) -> usize {
         usize::from(self.len)
