@@ -1,35 +1,43 @@
 //! Which side of a new strip the vertices beside its lips lie on, where the strip at rest says otherwise.
 //!
 //! A strip is straight at rest, and the blade went straight through tissue that was bent or held aside: by a little they part other
-//! vertices. What was seen counts, for the mesh was cut there; such vertices know their side as lips do (MATHS 3.2).
+//! vertices. What was seen counts, for the mesh was cut there; such vertices know their side as lips do (MATHS 3.2). So do vertices right
+//! beside a slit without width, where it bends: lips hang together along it, and skin that does not follow them is folded.
 
 use super::Tissue;
 use crate::geometry::VertexId;
+use crate::particles::strip_test::distance_squared_to_triangle;
 use crate::particles::{LipVertex, StripGeometry};
 use crate::surgery::insert::NewVertex;
 use crate::surgery::tear::LipPoint;
 use glam::DVec3;
+
+/// Vertices that are nearer to a slit without width go with its lips, as a share of the radius of influence.
+const GOES_ALONG: f64 = 0.03;
 
 /// Lips and vertices beside them that are looked at.
 const MOST_LOOKED_AT: usize = 1024;
 
 impl Tissue {
     /// Lists the lips of strip `strip`: those the cut has told (`points`), and the vertices beside them that were `seen` over or under it as
-    /// it was cut, between two blades (`[tip, base]`), and lie on the other side of it at rest. Vertices that the cut has `made` are not
-    /// looked at.
+    /// it was cut, between two blades (`[tip, base]`), and lie on the other side of it at rest, or right beside it if it has no width.
+    /// Vertices that the cut has `made` are not looked at.
     pub(super) fn list_lips(
         &self,
         (strip, [[tip, base], [next_tip, next_base]]): (usize, [[DVec3; 2]; 2]),
         (points, made): (impl Iterator<Item = LipPoint>, &[NewVertex]),
+        has_width: bool,
         seen: impl Fn(VertexId) -> DVec3,
         lips: &mut Vec<LipVertex>,
     ) {
         // a strip's normal, travel x up, points to the minus side of boxes and leaves
         lips.extend(points.map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }));
         // where all vertices are seen where they are at rest, nothing differs
-        let Some(layer) = self.layer.as_ref().filter(|_| self.posed().rest.is_none()) else { return };
+        let Some(layer) = self.layer.as_ref().filter(|_| !has_width || self.posed().rest.is_none()) else { return };
         let cut = StripGeometry::new([tip, next_tip, next_base, base], layer.strips.as_slice()[strip].reach);
         let (at_rest, first_new) = (layer.strips.geometry(strip), made.first().map_or(VertexId::NONE, |n| n.vertex));
+        let near = if has_width { 0.0 } else { GOES_ALONG * layer.settings.radius };
+        let goes_along = |p: DVec3| at_rest.triangles.iter().any(|t| distance_squared_to_triangle(p, *t) < near * near);
         let mut next = 0;
         while next < lips.len().min(MOST_LOOKED_AT) {
             let from = lips[next];
@@ -38,8 +46,9 @@ impl Tissue {
                 continue;
             }
             for v in self.mesh.neighbours(from.vertex).filter(|v| *v < first_new && !layer.strips.knows_side(strip, *v)) {
-                let differs = cut.side_over(seen(v)) == from.side && at_rest.side_near(self.rest[v.index()]) == -from.side;
-                if differs && lips.iter().all(|l| l.vertex != v) {
+                let p = self.rest[v.index()];
+                let is_hidden = at_rest.side_near(p) == -from.side || goes_along(p);
+                if is_hidden && cut.side_over(seen(v)) == from.side && lips.iter().all(|l| l.vertex != v) {
                     lips.push(LipVertex { vertex: v, ..from });
                 }
             }

@@ -255,7 +255,7 @@ impl TearStroke {
         if let Some(strip) = strip {
             let points = self.step.lips.iter().filter(|l| part.holds(|| self.seen(tissue, l.vertex))).copied();
             let seen = |v| self.positions.of(tissue, v);
-            tissue.list_lips((strip, part.blades), (points, &self.step.new_vertices), seen, &mut lips);
+            tissue.list_lips((strip, part.blades), (points, &self.step.new_vertices), true, seen, &mut lips);
         }
         // the last part of two finds the box's vertices bound
         let made = if part.is_first { self.step.new_vertices.as_slice() } else { &[] };
