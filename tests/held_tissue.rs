@@ -128,7 +128,7 @@ fn a_hand_that_lets_go_under_the_blade_leaves_few_threads() {
     let mut scene = held();
     cut_along(&mut scene, path, |_, _| {});
     assert_eq!(openings(&scene), 2, "held still");
-    let after = [3, 6, 9, 12, 15, 18, 21, 24, 27, 30].map(|at| {
+    let after = [15, 20, 25].map(|at| {
         let mut scene = held();
         cut_along(&mut scene, path, |scene, k| {
             if k == at {
@@ -137,8 +137,8 @@ fn a_hand_that_lets_go_under_the_blade_leaves_few_threads() {
         });
         openings(&scene)
     });
-    // 20 without a thread
-    assert!(after.iter().sum::<usize>() <= 32, "{after:?}");
+    // 9 where the strips' ends are joined by a plane out of the skin
+    assert!(after.iter().sum::<usize>() <= 8, "{after:?}");
 }
 
 /// Openings left by a slit along `path` in half a second, with the heart at rest or beating.

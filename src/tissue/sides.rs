@@ -12,7 +12,8 @@ use crate::surgery::insert::NewVertex;
 use crate::surgery::tear::LipPoint;
 use glam::DVec3;
 
-/// Vertices that are nearer to a slit without width go with its lips, as a share of the radius of influence.
+/// Vertices that are nearer to a slit without width go with its lips, as a share of the radius of influence, where the skin stands where it
+/// does at rest: in skin that a hand or a pose holds elsewhere they left more threads across the slit.
 const GOES_ALONG: f64 = 0.03;
 
 /// Lips and vertices beside them that are looked at.
@@ -37,7 +38,10 @@ impl Tissue {
         let cut = StripGeometry::new([tip, next_tip, next_base, base], layer.strips.as_slice()[strip].reach);
         let (at_rest, first_new) = (layer.strips.geometry(strip), made.first().map_or(VertexId::NONE, |n| n.vertex));
         let near = if has_width { 0.0 } else { GOES_ALONG * layer.settings.radius };
-        let goes_along = |p: DVec3| at_rest.triangles.iter().any(|t| distance_squared_to_triangle(p, *t) < near * near);
+        let goes_along = |p: DVec3, seen: DVec3| {
+            let is_beside = |t: &[DVec3; 3]| distance_squared_to_triangle(p, *t) < near * near;
+            p.distance_squared(seen) < near * near && at_rest.triangles.iter().any(is_beside)
+        };
         let mut next = 0;
         while next < lips.len().min(MOST_LOOKED_AT) {
             let from = lips[next];
@@ -46,9 +50,9 @@ impl Tissue {
                 continue;
             }
             for v in self.mesh.neighbours(from.vertex).filter(|v| *v < first_new && !layer.strips.knows_side(strip, *v)) {
-                let p = self.rest[v.index()];
-                let is_hidden = at_rest.side_near(p) == -from.side || goes_along(p);
-                if is_hidden && cut.side_over(seen(v)) == from.side && lips.iter().all(|l| l.vertex != v) {
+                let (p, seen) = (self.rest[v.index()], seen(v));
+                let is_hidden = at_rest.side_near(p) == -from.side || goes_along(p, seen);
+                if is_hidden && cut.side_over(seen) == from.side && lips.iter().all(|l| l.vertex != v) {
                     lips.push(LipVertex { vertex: v, ..from });
                 }
             }
