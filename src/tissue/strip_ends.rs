@@ -27,8 +27,6 @@ pub(super) struct StripPart {
     at_rest: [[DVec3; 2]; 2],
     /// Of a part of a box's strip that crosses a gap: that strip as it was seen, and the shares of its way that the part's lips lie between.
     of: Option<([[DVec3; 2]; 2], [f64; 2])>,
-    /// The first of the box's strip, or all of it.
-    is_first: bool,
     /// A gap lies before it.
     pub(super) is_apart: bool,
 }
@@ -136,7 +134,7 @@ impl TearStroke {
     ) -> ([Option<StripPart>; 2], [DVec3; 2]) {
         let start = start.unwrap_or_else(|| self.rest_edge(tissue, blades[0]));
         let end = self.rest_edge(tissue, blades[1]);
-        let whole = StripPart { blades, at_rest: [start, end], of: None, is_first: true, is_apart: false };
+        let whole = StripPart { blades, at_rest: [start, end], of: None, is_apart: false };
         let (Some(layer), Some(frames)) = (&tissue.layer, self.frames(tissue, whole)) else { return ([Some(whole), None], end) };
         let parts = self.parts_at_gap(tissue, layer, whole, &frames);
         (parts.unwrap_or_else(|| [Some(self.between_lips(tissue, layer, whole, &frames)), None]), end)
@@ -207,12 +205,11 @@ impl TearStroke {
         if start <= end {
             return None;
         }
-        let (middle, is_second) = (0.5 * (end + start), from.is_some());
+        let middle = 0.5 * (end + start);
         let first = from
             .map(|lip| StripPart { of: Some((blades, [f64::NEG_INFINITY, middle])), ..whole.until(tissue, lip, before.height) });
         let second = to.map(|lip| StripPart {
             of: Some((blades, [middle, f64::INFINITY])),
-            is_first: !is_second,
             is_apart: true,
             ..whole.since(tissue, lip, behind.height)
         });
@@ -227,8 +224,12 @@ impl TearStroke {
         whole: StripPart,
         [before, behind]: &[EndFrame<impl Fn(DVec3) -> DVec3>; 2],
     ) -> StripPart {
-        let by_share = |a: &CutLip<'_>, b: &CutLip<'_>| a.1.total_cmp(&b.1);
+        // most strokes are the first; slits are numbered in their order
         let strips = layer.strips.as_slice();
+        if strips.first().is_none_or(|oldest| oldest.slit == self.slit) {
+            return whole;
+        }
+        let by_share = |a: &CutLip<'_>, b: &CutLip<'_>| a.1.total_cmp(&b.1);
         let is_of_older = |n: &NewVertex| {
             let mut sides = n.parents[..n.parent_count].iter().map(|(v, _)| layer.strips.lip_sides(*v));
             let first = sides.next().unwrap_or_default();
@@ -242,8 +243,14 @@ impl TearStroke {
         StripPart { blades: [since.blades[0], part.blades[1]], at_rest: [since.at_rest[0], part.at_rest[1]], ..whole }
     }
 
-    /// The new strip of a part of the box's, and what that does to the particle map.
-    pub(super) fn bind_strip(&mut self, tissue: &mut Tissue, part: &StripPart, reach: f64, report: &mut SegmentReport) {
+    /// The new strip of a part of the box's, and what that does to the particle map. What the box has made and removed comes with its first part.
+    pub(super) fn bind_strip(
+        &mut self,
+        tissue: &mut Tissue,
+        (part, is_first): (&StripPart, bool),
+        reach: f64,
+        report: &mut SegmentReport,
+    ) {
         let strip = report.stages.time("disconnect_particles", || {
             let layer = tissue.layer.as_mut()?;
             let [start, end] = part.at_rest;
@@ -257,10 +264,9 @@ impl TearStroke {
             let seen = |v| self.positions.of(tissue, v);
             tissue.list_lips((strip, part.blades), (points, &self.step.new_vertices), true, seen, &mut lips);
         }
-        // the last part of two finds the box's vertices bound
-        let made = if part.is_first { self.step.new_vertices.as_slice() } else { &[] };
+        let made = if is_first { self.step.new_vertices.as_slice() } else { &[] };
         removed.clear();
-        removed.extend(self.step.touched.iter().filter(|&&v| part.is_first && !tissue.mesh.vertex_is_live(v)));
+        removed.extend(self.step.touched.iter().filter(|&&v| is_first && !tissue.mesh.vertex_is_live(v)));
         let update = report.stages.time("update_particles", || {
             let strips = strip.map_or(0..0, |s| s..s + 1);
             tissue.update_map(made, &removed, strips, &lips)

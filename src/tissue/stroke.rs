@@ -533,11 +533,11 @@ impl TearStroke {
         let blades = [0, 1].map(|end| if is_in_wound { self.cut_part(tissue, tear_box, end) } else { tear_box.blades[end] });
         let reach = if is_in_wound { 0.0 } else { tissue.layer.as_ref().map_or(0.0, |layer| layer.settings.radius) };
         let (parts, end) = self.strip_parts(tissue, blades, start);
-        for part in parts.iter().flatten() {
+        for (i, part) in parts.iter().flatten().enumerate() {
             if part.is_apart {
                 self.begin_slit(tissue, false);
             }
-            self.bind_strip(tissue, part, reach, report);
+            self.bind_strip(tissue, (part, i == 0), reach, report);
         }
         let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
         report.wall_deviation = corners.map(|n| tissue.faded(n.vertex).length()).fold(0.0, f64::max);
