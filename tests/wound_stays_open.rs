@@ -2,6 +2,8 @@
 //! that opened at rest stays open, in its anchors' frames, when the model starts to move.
 
 mod common;
+#[path = "wound_stays_open/lips.rs"]
+mod lips;
 
 use common::models::{heart, scene, users_scene};
 use common::open_half_edges;
@@ -520,56 +522,7 @@ fn a_stroke_across_an_open_wound_leaves_its_lips_smooth() {
             assert!(off < WIDTH, "strip {k} lies {off} off its lip {v:?}");
         }
     }
-    for (a, b, strain) in strains_along_lips(tissue, first) {
+    for (a, b, strain) in lips::strains_along_lips(tissue, first) {
         assert!(strain < 0.5, "{a:?} {b:?}: {strain}");
     }
-}
-
-/// Edges of the skin between lips on one side of strips from `first` on: by how much more than their length their ends have moved apart.
-fn strains_along_lips(tissue: &Tissue, first: usize) -> Vec<(VertexId, VertexId, f64)> {
-    let (mesh, rest, strips) = (tissue.mesh(), tissue.rest_positions(), &tissue.layer().unwrap().strips);
-    let lip_of = |v: VertexId| strips.lip_sides(v).iter().find(|lip| lip.strip as usize >= first).map(|lip| lip.side);
-    let moved = |v: VertexId| tissue.position(v) - rest[v.index()];
-    let half_edges = mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
-    let of_skin = half_edges.filter(|h| !mesh.face_info(h.face()).is_interior()).map(|h| [mesh.from(h), mesh.to(h)]);
-    let along = of_skin.filter(|&[a, b]| lip_of(a).is_some() && lip_of(a) == lip_of(b));
-    let strain = |a: VertexId, b: VertexId| moved(a).distance(moved(b)) / rest[a.index()].distance(rest[b.index()]);
-    let strains: Vec<_> = along.map(|[a, b]| (a, b, strain(a, b))).collect();
-    assert!(strains.len() > 60, "{}", strains.len());
-    strains
-}
-
-/// Where a slit bends, the straight way between two places on its outer lip leads through it; the lip is one piece all the same. The outer
-/// lips of bends were steps as high as a third of the gap, without width teeth all along.
-#[test]
-fn lips_of_a_slit_that_bends_are_smooth() {
-    let arc = |x: f64| {
-        let angle = (x + 0.25) / 0.5 * 5.0;
-        0.12 * DVec3::new(angle.cos(), angle.sin(), 0.0)
-    };
-    let snake = |x: f64| DVec3::new(0.05 * (25.0 * x).sin(), x, 0.0);
-    let bow = |x: f64| DVec3::new(0.5 * x * x, x, 0.0);
-    for (width, wall) in [(0.0, WallMode::Open), (WIDTH, WallMode::Open), (WIDTH, WallMode::Closed)] {
-        for way in [&arc as &dyn Fn(f64) -> DVec3, &snake, &bow] {
-            let mut scene = users_scene("sphere", 17_328, 0.3);
-            scene.set_wall(wall);
-            stroke(&mut scene, width, 0.0, |x| [0.4 * DVec3::Z + way(x), DVec3::Z + 1.3 * way(x)]);
-            let strains = strains_along_lips(only(&scene), 0);
-            let steps = strains.iter().filter(|(.., strain)| *strain > 0.5).count();
-            // without width lips are all along where the bends' tangents are
-            let most = if width > 0.0 { 3 } else { strains.len() / 30 };
-            assert!(steps <= most, "{width} {wall:?}: {steps} of {}", strains.len());
-            let folded = folded_skin(only(&scene));
-            assert!(folded < 5e-5, "{width} {wall:?}: {folded} square metres are folded over");
-        }
-    }
-}
-
-/// Area of the skin that is turned over against how it lies at rest, square metres.
-fn folded_skin(tissue: &Tissue) -> f64 {
-    let (mesh, rest) = (tissue.mesh(), tissue.rest_positions());
-    let skin = mesh.live_faces().filter(|f| !mesh.face_info(*f).is_interior());
-    let cross = |[p, q, r]: [DVec3; 3]| (q - p).cross(r - p);
-    let areas = skin.map(|f| [mesh.face(f).map(|v| rest[v.index()]), mesh.face(f).map(|v| tissue.position(v))].map(cross));
-    areas.filter(|[at_rest, seen]| at_rest.dot(*seen) < 0.0).map(|[_, seen]| 0.5 * seen.length()).sum()
 }

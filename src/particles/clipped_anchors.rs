@@ -1,6 +1,7 @@
-//! Particles whose anchor was clipped away: each takes another vertex, or retires.
+//! Particles whose anchor was clipped away: each takes another vertex, or retires. And those whose anchor has become a lip.
 
-use super::map_update::{Update, UpdateScratch};
+use super::map_edit::LipVertex;
+use super::map_update::{EXTRA_INFLUENCES, Update, UpdateScratch};
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
 
@@ -72,6 +73,43 @@ impl Update<'_, '_> {
                     rows.open(v, map).add(j);
                 }
             });
+        }
+    }
+
+    /// A particle whose anchor was there before the slit and is a lip only now was no lip when the strips before were cut: what of their lips
+    /// on its side it lost then, where the slit bends, it holds again.
+    pub(super) fn hold_lips_before(&mut self) {
+        let (mesh, rest, edit) = (self.mesh, self.rest, self.edit);
+        let most = self.settings.max_influences + EXTRA_INFLUENCES;
+        let first_new = edit.new_vertices.first().map_or(VertexId::NONE, |n| n.vertex);
+        let is_late = |l: &&LipVertex| l.vertex < first_new && mesh.vertex_is_live(l.vertex);
+        for lip in edit.lips.iter().filter(is_late) {
+            if self.strips.lip_sides(lip.vertex).len() != 1 {
+                continue;
+            }
+            for i in 0..self.scratch.near.len() {
+                let j = self.scratch.near[i];
+                if self.map.anchors[j.index()] != lip.vertex {
+                    continue;
+                }
+                let mut next = self.strips.last_of(lip.strip);
+                while let Some(k) = next {
+                    let mut is_near = false;
+                    for at in 0..self.strips.lips_of(k).len() {
+                        let v = self.strips.lips_of(k)[at];
+                        let is_one = v.index() < rest.len() && mesh.vertex_is_live(v) && self.weight(v, j) > 0.0;
+                        is_near |= is_one;
+                        if is_one && self.strips.are_of_one_lip(k, [v, lip.vertex]) && self.connects(j, v) {
+                            let row = self.scratch.rows.open(v, self.map);
+                            if row.len() < most {
+                                row.add(j);
+                            }
+                        }
+                    }
+                    next = self.strips.last_of(k).filter(|_| is_near);
+                }
+                self.find_neighbours(j, lip.vertex);
+            }
         }
     }
 }

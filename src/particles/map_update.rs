@@ -299,6 +299,7 @@ impl Update<'_, '_> {
         {
             self.scratch.rows.open(lip.vertex, self.map);
         }
+        self.hold_lips_before();
         self.scratch.rows.list(&mut self.scratch.work);
         let mut next = 0;
         while next < self.scratch.work.len() {

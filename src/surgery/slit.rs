@@ -5,8 +5,8 @@
 //! then those edges are opened and each side gets vertices of its own, except at the slit's ends. Nothing is taken out and
 //! no vertex is moved. Edges that lie in the leaf's plane are opened as they are; ties follow the plane cut's rule.
 
-use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker, copy_marks};
-use super::leaf::{At, Leaf, Seen, along_edge, crossing, inner_weights, sign_at};
+use super::insert::{EdgePoint, EdgePoints, NewVertex, WedgeMaker};
+use super::leaf::{At, Leaf, Seen, along_edge, crossing, inner_weights, line, sign_at};
 use super::plane_cut::collect_joined;
 use super::region::{Region, RegionPoint};
 use super::tear::{LipPoint, flatten};
@@ -132,7 +132,10 @@ pub struct SlitScratch {
     split: Vec<SplitVertex>,
     incident: Vec<FaceId>,
     vertices: Vec<VertexId>,
+    /// Ends of the slit that this one goes on from.
+    starts: Vec<VertexId>,
     cuts: Vec<[VertexId; 2]>,
+    spur: Vec<usize>,
     opened: Vec<[HalfEdge; 2]>,
     sides: Vec<(VertexId, i8)>,
     ways: slit_way::Ways,
@@ -173,6 +176,8 @@ pub fn slit_step(
 ) -> bool {
     out.clear();
     out.tags.extend_from_slice(tags);
+    scratch.starts.clear();
+    scratch.starts.extend(tags.iter().filter(|t| t.lines & line::START != 0).map(|t| t.vertex));
     out.first_new = mesh.vertex_slots();
     out.faces_visited = candidates.len();
     let places = Places { position, first_new: out.first_new };
@@ -183,6 +188,8 @@ pub fn slit_step(
     out.opened_edges > 0
 }
 
+#[path = "slit_open.rs"]
+mod slit_open;
 #[path = "slit_room.rs"]
 mod slit_room;
 #[path = "slit_single.rs"]
@@ -526,65 +533,6 @@ impl SlitScratch {
         mesh.replace_faces(&self.removed, &self.added, |_| 0, &mut self.topology);
         out.added_faces.retain(|f| self.removed.binary_search(f).is_err());
         out.added_faces.extend_from_slice(&self.topology.added);
-    }
-
-    /// Opens the cut edges and gives each side its own vertices.
-    fn open(&mut self, mesh: &mut Mesh, out: &mut SlitStep) {
-        self.vertices.clear();
-        self.vertices.extend(self.cuts.iter().flatten());
-        out.touched.extend(&self.vertices);
-        out.met.extend(&self.vertices);
-        self.incident.clear();
-        for &v in &self.vertices {
-            self.incident.extend(mesh.fan(v).map(HalfEdge::face));
-        }
-        for &[a, b] in &self.cuts {
-            let h = mesh.fan(a).find(|&h| mesh.to(h) == b);
-            let pair = h.map(|h| [h, mesh.opposite(h)]).filter(|[_, back]| back.is_some());
-            debug_assert!(pair.is_some(), "a cut became no edge");
-            self.opened.extend(pair);
-        }
-        for &[h, _] in &self.opened {
-            mesh.open_edge(h);
-        }
-        out.opened_edges += self.opened.len();
-        self.split.clear();
-        mesh.split_fans(&self.vertices, &self.incident, &mut self.topology, &mut self.split);
-        for i in 0..self.split.len() {
-            self.note_split(self.split[i], out);
-        }
-        self.part_single_edges(mesh, out);
-        self.note_lips(mesh, out);
-    }
-
-    /// Where a vertex along the cut lies.
-    fn place_of(&self, v: VertexId, out: &SlitStep) -> DVec3 {
-        let made = out.new_vertices.iter().find(|n| n.vertex == v).map(|n| n.position);
-        made.unwrap_or_else(|| self.positions[self.slot[v.index()] as usize])
-    }
-
-    /// A copy made by a fan split lies where its original lies.
-    fn note_split(&mut self, split: SplitVertex, out: &mut SlitStep) {
-        out.new_vertices.push(NewVertex::copy_of(split, self.place_of(split.from, out)));
-        copy_marks(&mut out.lips, split, |lip| &mut lip.vertex);
-        copy_marks(&mut out.tags, split, |tag| &mut tag.vertex);
-    }
-
-    /// Sides of the vertices along the opened edges; a vertex on both is an end of the slit.
-    fn note_lips(&mut self, mesh: &Mesh, out: &mut SlitStep) {
-        for &[h, back] in &self.opened {
-            self.sides.extend([(mesh.from(h), -1), (mesh.to(h), -1), (mesh.from(back), 1), (mesh.to(back), 1)]);
-        }
-        self.sides.sort_unstable();
-        self.sides.dedup();
-        for run in self.sides.chunk_by(|a, b| a.0 == b.0) {
-            if let [(vertex, side)] = *run {
-                let lip = LipPoint { vertex, side };
-                if !out.lips.contains(&lip) {
-                    out.lips.push(lip);
-                }
-            }
-        }
     }
 }
 

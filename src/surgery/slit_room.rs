@@ -30,6 +30,8 @@ impl SlitScratch {
         self.incident.reserve(room);
         self.vertices.reserve(room);
         self.cuts.reserve(room);
+        self.starts.reserve(room);
+        self.spur.reserve(room);
         self.opened.reserve(room);
         self.sides.reserve(room);
         self.ways.make_room();

@@ -1,0 +1,92 @@
+//! Lips of slits that bend, and of those without width.
+
+use super::*;
+
+/// Edges of the skin between lips on one side of strips from `first` on: by how much more than their length their ends have moved apart.
+pub fn strains_along_lips(tissue: &Tissue, first: usize) -> Vec<(VertexId, VertexId, f64)> {
+    let (mesh, rest, strips) = (tissue.mesh(), tissue.rest_positions(), &tissue.layer().unwrap().strips);
+    let lip_of = |v: VertexId| strips.lip_sides(v).iter().find(|lip| lip.strip as usize >= first).map(|lip| lip.side);
+    let moved = |v: VertexId| tissue.position(v) - rest[v.index()];
+    let half_edges = mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
+    let of_skin = half_edges.filter(|h| !mesh.face_info(h.face()).is_interior()).map(|h| [mesh.from(h), mesh.to(h)]);
+    let along = of_skin.filter(|&[a, b]| lip_of(a).is_some() && lip_of(a) == lip_of(b));
+    let strain = |a: VertexId, b: VertexId| moved(a).distance(moved(b)) / rest[a.index()].distance(rest[b.index()]);
+    let strains: Vec<_> = along.map(|[a, b]| (a, b, strain(a, b))).collect();
+    assert!(strains.len() > 60, "{}", strains.len());
+    strains
+}
+
+/// Where a slit bends, the straight way between two places on its outer lip leads through it; the lip is one piece all the same. The outer
+/// lips of bends were steps as high as a third of the gap, without width teeth all along.
+#[test]
+fn lips_of_a_slit_that_bends_are_smooth() {
+    let arc = |x: f64| {
+        let angle = (x + 0.25) / 0.5 * 5.0;
+        0.12 * DVec3::new(angle.cos(), angle.sin(), 0.0)
+    };
+    let snake = |x: f64| DVec3::new(0.05 * (25.0 * x).sin(), x, 0.0);
+    let bow = |x: f64| DVec3::new(0.5 * x * x, x, 0.0);
+    for (width, wall) in [(0.0, WallMode::Open), (WIDTH, WallMode::Open), (WIDTH, WallMode::Closed)] {
+        for way in [&arc as &dyn Fn(f64) -> DVec3, &snake, &bow] {
+            let mut scene = users_scene("sphere", 17_328, 0.3);
+            scene.set_wall(wall);
+            stroke(&mut scene, width, 0.0, |x| [0.4 * DVec3::Z + way(x), DVec3::Z + 1.3 * way(x)]);
+            let strains = strains_along_lips(only(&scene), 0);
+            let steps = strains.iter().filter(|(.., strain)| *strain > 0.5).count();
+            // without width lips are all along where the bends' tangents are
+            let most = if width > 0.0 { 3 } else { strains.len() / 30 };
+            assert!(steps <= most, "{width} {wall:?}: {steps} of {}", strains.len());
+            let folded = folded_skin(only(&scene));
+            assert!(folded < 5e-5, "{width} {wall:?}: {folded} square metres are folded over");
+        }
+    }
+}
+
+/// Area of the skin that is turned over against how it lies at rest, square metres.
+fn folded_skin(tissue: &Tissue) -> f64 {
+    let (mesh, rest) = (tissue.mesh(), tissue.rest_positions());
+    let skin = mesh.live_faces().filter(|f| !mesh.face_info(*f).is_interior());
+    let cross = |[p, q, r]: [DVec3; 3]| (q - p).cross(r - p);
+    let areas = skin.map(|f| [mesh.face(f).map(|v| rest[v.index()]), mesh.face(f).map(|v| tissue.position(v))].map(cross));
+    areas.filter(|[at_rest, seen]| at_rest.dot(*seen) < 0.0).map(|[_, seen]| 0.5 * seen.length()).sum()
+}
+
+/// A slit without width has two lips, and nothing hangs between them: round its border an end lies between a lip and the other. Where skin
+/// beside the end of one strip had come over the blade's line, the next one cut a flap from its lip, and a thread was drawn over the slit;
+/// and what a particle on the lip had held of the strips before stood in steps. Of these sixteen, ten had threads, and 28 edges were steps.
+#[test]
+fn a_slit_without_width_has_two_lips() {
+    let (mut threads, mut steps) = (0, 0);
+    for (faces, poses) in [(768, 60), (768, 45), (4_800, 60), (4_800, 45)] {
+        for bend in [0.5, -0.5, 1.0, 0.25] {
+            let mut scene = users_scene("sphere", faces, 0.3);
+            scene.set_wall(WallMode::Open);
+            scene.edit(EditCommand::StrokeBegin { width: 0.0 });
+            for k in 0..2 * poses {
+                let (y, t) = (0.5 * f64::from(k.min(poses)) / f64::from(poses) - 0.25, f64::from(k) * STEP);
+                let way = DVec3::new(bend * y * y, y, 0.0);
+                if k <= poses {
+                    let [tip, base] = [0.4 * DVec3::Z + way, DVec3::Z + 1.3 * way];
+                    scene.edit(EditCommand::StrokePose(BladePose { t, tip, base }));
+                }
+                if k == poses {
+                    scene.edit(EditCommand::StrokeEnd);
+                }
+                scene.pose(t, 0.0);
+                scene.step(STEP);
+            }
+            threads += changes_of_side(only(&scene));
+            steps += strains_along_lips(only(&scene), 0).iter().filter(|(.., strain)| *strain > 0.5).count();
+        }
+    }
+    assert!(threads <= 1 && steps <= 8, "{threads} threads, {steps} steps");
+}
+
+/// Edges of borders that lead from a lip on one side of a slit to one on the other.
+fn changes_of_side(tissue: &Tissue) -> usize {
+    let (mesh, strips) = (tissue.mesh(), &tissue.layer().unwrap().strips);
+    let half_edges = mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
+    let side = |v: VertexId| strips.lip_sides(v).first().map(|lip| lip.side);
+    let of_borders = half_edges.filter(|h| mesh.opposite(*h).is_none()).map(|h| [mesh.from(h), mesh.to(h)].map(side));
+    of_borders.filter(|[a, b]| a.is_some() && b.is_some() && a != b).count()
+}
