@@ -20,6 +20,7 @@ pub mod tracked;
 pub mod triangulate;
 pub mod turn;
 pub mod validate;
+mod weld;
 
 pub use components::Components;
 pub use csr::{SlotCsr, SlotCsrDelta, Span};

@@ -3,11 +3,14 @@
 //!
 //! Combinatorics first: each directed loop edge is in exactly one triangle, in its direction, and every other edge in exactly
 //! two opposed ones; no corner is dropped or added, whatever the geometry (collinear, coincident, touching or rounding-crossing
-//! loops). Geometry, by exact predicates, only chooses among the triangulations. Holes are joined to the loop around them by
-//! bridges, the ring is cut into ears (`ears.rs`), and flips make it constrained Delaunay (`flips.rs`).
+//! loops). Geometry, by exact predicates, only chooses among the triangulations. Corners that coincide but for rounding are welded
+//! for the time (`weld.rs`), holes are joined to the loop around them by bridges, the ring is cut into ears (`ears.rs`), and flips
+//! make it constrained Delaunay (`flips.rs`).
 
 use super::ears::{Ears, Pairs};
 use super::flips::Flips;
+use super::predicates::orient2d;
+use super::weld::Welded;
 
 /// How a triangulation came out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,6 +35,7 @@ pub struct Triangulator {
     ears: Ears,
     flips: Flips,
     opposite: Vec<u32>,
+    welded: Welded,
 }
 
 /// In place of a half-edge: a loop edge is here.
@@ -56,6 +60,27 @@ impl Triangulator {
     /// A loop that repeats a corner is cut all the same and each of its edges is covered, but a triangle may then repeat a
     /// corner, and inner edges may join the same two points more than once.
     pub fn triangulate(
+        &mut self,
+        points: &[[f64; 2]],
+        corners: &[u32],
+        starts: &[u32],
+        taken: &[[u32; 2]],
+        out: &mut Vec<[u32; 3]>,
+    ) -> TriangulationOutcome {
+        let mut welded = std::mem::take(&mut self.welded);
+        let before = out.len();
+        let outcome = if welded.weld(points, corners, starts, taken) {
+            let outcome = self.triangulate_loops(&welded.points, &welded.corners, &welded.starts, taken, out);
+            welded.put_back(out, &mut self.opposite, before);
+            outcome
+        } else {
+            self.triangulate_loops(points, corners, starts, taken, out)
+        };
+        self.welded = welded;
+        outcome
+    }
+
+    fn triangulate_loops(
         &mut self,
         points: &[[f64; 2]],
         corners: &[u32],
@@ -108,7 +133,10 @@ impl Triangulator {
         let single = rings.len() == 1 && taken.is_empty();
         let first = out.len();
         self.pairs.reset(&rings, taken, single);
-        let forced = self.ears.cut(points, &rings, &mut self.pairs, out);
+        let mut forced = self.ears.cut(points, &rings, &mut self.pairs, out);
+        if forced.is_some_and(|n| n > 0 || turned_over(points, &out[first..]) > 0.0) {
+            forced = self.cut_from_elsewhere(points, &rings, (taken, single), out, first);
+        }
         outcome.forced_ears += forced.unwrap_or(0);
         if forced.is_none() {
             out.truncate(first);
@@ -118,6 +146,40 @@ impl Triangulator {
         }
         self.flips.improve(points, &self.ears.opposite, &mut self.pairs, &mut out[first..]);
         self.holes = holes;
+    }
+
+    /// Loops that cross themselves have no triangulation that covers nothing twice, and what of them is depends on where ears are cut first:
+    /// of several starts that one is taken from which the least is turned over. Returns how many ears were forced and how many turned over.
+    fn cut_from_elsewhere(
+        &mut self,
+        points: &[[f64; 2]],
+        rings: &[&[u32]],
+        (taken, single): (&[[u32; 2]], bool),
+        out: &mut Vec<[u32; 3]>,
+        first: usize,
+    ) -> Option<usize> {
+        let mut turned: Vec<u32> = rings[0].to_vec();
+        let starts = (MOST_CUT_AGAIN / rings.iter().map(|r| r.len()).sum::<usize>()).clamp(2, STARTS);
+        let mut best = (f64::INFINITY, 0);
+        let mut forced = None;
+        for start in (0..starts).map(Some).chain([None]) {
+            // the last time the best again
+            let start = start.unwrap_or(best.1);
+            let by = start * turned.len() / starts;
+            turned.rotate_left(by);
+            let others = rings[1..].iter().copied();
+            let from_there: Vec<&[u32]> = [&turned[..]].into_iter().chain(others).collect();
+            out.truncate(first);
+            self.pairs.reset(rings, taken, single);
+            forced = self.ears.cut(points, &from_there, &mut self.pairs, out);
+            let over = if forced.is_some() { turned_over(points, &out[first..]) } else { f64::INFINITY };
+            if (over, start) < best {
+                best = (over, start);
+            }
+            turned.rotate_right(by);
+        }
+        let is_over = |t: &&[u32; 3]| orient2d(points[t[0] as usize], points[t[1] as usize], points[t[2] as usize]) < 0.0;
+        forced.map(|n| n.max(out[first..].iter().filter(is_over).count()))
     }
 
     fn measure(&mut self, points: &[[f64; 2]], corners: &[u32], starts: &[u32], outcome: &mut TriangulationOutcome) {
@@ -171,6 +233,21 @@ impl Triangulator {
     }
 }
 
+/// Starts that are tried for a loop that crosses itself, at most, and how many corners are cut again.
+const STARTS: usize = 24;
+const MOST_CUT_AGAIN: usize = 12_000;
+
+/// The area of the triangles that turn right, as a share of that of all others, roundings aside.
+fn turned_over(points: &[[f64; 2]], triangles: &[[u32; 3]]) -> f64 {
+    let (mut over, mut other) = (0.0, 0.0);
+    for t in triangles {
+        let [a, b, c] = t.map(|corner| points[corner as usize]);
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        *if area < 0.0 { &mut over } else { &mut other } += area.abs();
+    }
+    if over > 1e-12 * other { over / other } else { 0.0 }
+}
+
 /// True if the first corner of `hole` that does not lie on `ring` lies inside it; true if all lie on it.
 fn holds(points: &[[f64; 2]], ring: &[u32], hole: &[u32]) -> bool {
     hole.iter().map(|&c| side_of_ring(points, ring, points[c as usize])).find(|&s| s != 0).unwrap_or(1) > 0
@@ -192,7 +269,7 @@ fn side_of_ring(points: &[[f64; 2]], ring: &[u32], p: [f64; 2]) -> i32 {
             }
             continue;
         }
-        let turn = super::predicates::orient2d(a, b, p);
+        let turn = orient2d(a, b, p);
         if turn == 0.0 {
             return 0;
         }

@@ -230,3 +230,54 @@ proptest! {
         prop_assert_eq!(region.not_delaunay(&triangles), 0);
     }
 }
+
+/// A ring with a hole; at each of its corners several that lie within some roundings of one another, in any order: what the section of a
+/// torus is where vertices lie in the plane but for rounding.
+fn section_through_vertices(seed: u64, grain: f64) -> Region {
+    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as f64 / f64::from(1u32 << 30) - 1.0
+    };
+    let mut circle = |radius: f64, direction: f64| -> Vec<[f64; 2]> {
+        let corners = (0..24).flat_map(|i| [i; 4]);
+        let angle = |i: i32| direction * f64::from(i) * TAU / 24.0 + 0.1;
+        corners.map(|i| [radius * angle(i).cos() + grain * random(), radius * angle(i).sin() + grain * random()]).collect()
+    };
+    Region::new(&[circle(1.0, 1.0), circle(0.6, -1.0)])
+}
+
+#[test]
+fn corners_that_coincide_but_for_rounding_cover_nothing_twice() {
+    let covered = |region: &Region, triangles: &[[u32; 3]]| triangles.iter().map(|t| region.area(t).abs()).sum::<f64>();
+    let mut worst: f64 = 0.0;
+    for (seed, grain) in (0..40).flat_map(|seed| [0.0, 1e-17, 3e-16, 2e-15].map(|grain| (seed, grain))) {
+        let region = section_through_vertices(seed, grain);
+        let (triangles, outcome) = region.triangulate();
+        validate_triangulation(&region.corners, &region.starts, &triangles).unwrap();
+        assert_eq!(outcome, TriangulationOutcome::default(), "{seed} {grain}");
+        let (sum, whole) = (covered(&region, &triangles), region.loop_area());
+        assert!((sum - whole).abs() < 1e-12 * whole, "{seed} {grain}: {sum} of {whole}");
+        let mut triangulator = Triangulator::default();
+        let mut out = Vec::new();
+        let as_they_are = triangulator.triangulate_loops(&region.points, &region.corners, &region.starts, &[], &mut out);
+        worst = worst.max(covered(&region, &out) / whole).max(f64::from(u8::from(as_they_are.forced_ears > 0)));
+    }
+    assert!(worst > 1.2, "left as they are they make no trouble: {worst}");
+}
+
+#[test]
+fn small_loops_and_runs_over_the_start_are_welded_too() {
+    let near = 1e-17;
+    // a run from the last corner over the first; a loop that would lose too much; one all in a place
+    let square = vec![[near, 0.0], [1.0, 0.0], [1.0, 1.0], [1.0, 1.0 + near], [0.0, 1.0], [0.0, near], [0.0, 0.0]];
+    let flat = vec![[3.0, 0.0], [4.0, 0.0], [4.0, near], [3.0, near]];
+    let point = vec![[5.0, 0.0], [5.0, near], [5.0 + near, 0.0]];
+    for loops in [vec![square.clone()], vec![square.clone(), flat.clone(), point.clone()], vec![flat], vec![point]] {
+        let region = Region::new(&loops);
+        let (triangles, _) = region.triangulate();
+        validate_triangulation(&region.corners, &region.starts, &triangles).unwrap();
+        let covered: f64 = triangles.iter().map(|t| region.area(t).abs()).sum();
+        assert!((covered - region.loop_area()).abs() < 1e-12, "{covered}");
+    }
+}

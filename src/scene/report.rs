@@ -78,6 +78,8 @@ pub struct CapReport {
     pub faces: usize,
     /// Edges of the cut that belong to no closed loop, because the model is open there; they stay open.
     pub unclosed_edges: usize,
+    /// Triangles for which loops that cross themselves left no place: they lie over others.
+    pub forced: usize,
 }
 
 impl CapReport {
@@ -85,6 +87,7 @@ impl CapReport {
         self.loops += caps.loops;
         self.faces += caps.added_faces.len();
         self.unclosed_edges += caps.unclosed_edges;
+        self.forced += caps.triangulation.forced_ears;
     }
 }
 
