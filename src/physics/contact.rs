@@ -155,6 +155,10 @@ impl Contacts {
             let anchor = skin.anchors.get(index).copied().flatten().filter(|_| index < is_held.len() && !grabbed(particle));
             let (Some(anchor), Some(body)) = (anchor, world.body(contact.body)) else { return false };
             let normal = body.now.direction_in(frame.direction(skin.normals[index]));
+            // a piece that came off while it was stretched has drawn together since
+            if body.is_loose() && (is_crumb(body, skin.radius) || is_apart(body, contact, normal, skin.radius)) {
+                return false;
+            }
             let u = frame.point_in(body.now.point(contact.local)) - anchor;
             let (force, stiffness) = network.holding(particle, (u - network.displacement(particle)) / h);
             let force = body.now.direction_in(frame.direction(force));
@@ -302,6 +306,11 @@ impl Contacts {
             }
         }
     }
+}
+
+/// True if a body has no more to do with what it holds: it has taken another shape.
+fn is_apart(body: &Body, contact: &Contact, normal: DVec3, radius: f64) -> bool {
+    gap(&body.solid, contact.local, normal, radius).0 > 2.0 * TOUCH * radius
 }
 
 /// True for a loose piece smaller than the collider spheres: shreds in a wound lie among the spheres of both its lips, which would be

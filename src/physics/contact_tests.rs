@@ -259,3 +259,29 @@ fn a_shred_in_a_wound_throws_nothing_apart() {
     // Broken twin: what is as large as the spheres is felt.
     assert!(fall(0.09) > 1e-4);
 }
+
+/// What came off while a hand pulled it long is drawn together by its springs: it is no larger to the skin than it looks.
+#[test]
+fn a_piece_that_is_drawn_together_holds_what_it_touches() {
+    let slab = |wide: f64, thick: f64| -> Vec<DVec3> {
+        let corner = |k: u32| [k & 1, k >> 1 & 1, k >> 2].map(|bit| f64::from(bit) - 0.5);
+        (0..8).map(corner).map(|[x, y, z]| DVec3::new(wide * x, thick * y, wide * z)).collect()
+    };
+    let held = |wide: f64, thick: f64| {
+        let mut bench = Bench::new(NetworkSettings::SOFT);
+        bench.mass = 0.2;
+        let piece = bench.world.add_hull(&slab(0.5, 0.2), 0.2, at(0.0, 0.12, 0.0)).unwrap();
+        bench.world.pass_stands(piece);
+        (0..200).for_each(|_| bench.step(FRAME));
+        let before = bench.contacts.targets().len();
+        bench.world.reshape(piece, &slab(wide, thick));
+        (0..200).for_each(|_| bench.step(FRAME));
+        (before, bench.contacts.targets().len(), bench.largest())
+    };
+    let (before, still, _) = held(0.5, 0.2);
+    assert!(before > 12 && still > 12, "{before}, {still}");
+    let (_, narrower, _) = held(0.25, 0.2);
+    assert!(narrower > 0 && 3 * narrower < 2 * still, "{narrower} of {still}");
+    let (_, crumb, left) = held(0.03, 0.02);
+    assert!(crumb == 0 && left < 1e-3, "{crumb} are held, by {left}");
+}

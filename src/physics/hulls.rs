@@ -17,11 +17,6 @@ pub(super) fn convex(points: &[DVec3]) -> Option<(SharedShape, Solid)> {
     Some((four_cornered(whole), solid))
 }
 
-/// The hull of a set of points for rapier, thickened where they lie in a plane. `None` for fewer than three places.
-pub(super) fn hull(points: &[DVec3]) -> Option<SharedShape> {
-    round_hull(points).map(four_cornered)
-}
-
 /// The hull of a set of points, thickened where they lie in a plane.
 fn round_hull(points: &[DVec3]) -> Option<ConvexPolyhedron> {
     let (low, high) = points.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
@@ -131,7 +126,7 @@ mod tests {
         for n in [5, 6, 7, 12, 16, 31] {
             let whole = round_hull(&drum(n)).unwrap();
             assert_eq!(ends(&SharedShape::new(whole)), [n as u32; 2], "as it was");
-            let shape = hull(&drum(n)).unwrap();
+            let shape = convex(&drum(n)).unwrap().0;
             assert_eq!(ends(&shape), [4; 2], "{n} corners");
             let held = shape.as_convex_polyhedron().unwrap();
             let top: Vec<&Vec3> = held.points().iter().filter(|p| p.y > 0.1999).collect();
@@ -144,7 +139,7 @@ mod tests {
         }
         let cube: Vec<DVec3> =
             (0..8).map(|k| DVec3::from_array(std::array::from_fn(|m| if k >> m & 1 == 0 { -1.0 } else { 1.0 }))).collect();
-        let known = hull(&cube).unwrap();
+        let known = convex(&cube).unwrap().0;
         assert!(known.as_convex_polyhedron().unwrap().points().iter().all(|p| p.abs() == Vec3::ONE), "a cube stays one");
     }
 }

@@ -5,7 +5,7 @@
 //! an instrument alone costs nothing here.
 
 use super::body::{Body, DAMPING, Push};
-use super::hulls::{convex, hull};
+use super::hulls::convex;
 use super::network::Network;
 use super::rigid::{RigidPose, RigidShape, Solid};
 use super::step::LEAST_STEP;
@@ -179,12 +179,15 @@ impl RigidWorld {
         Some(self.insert(Body { soft: false, ..Body::new(Some(handle), solid, pose, 0.0) }))
     }
 
-    /// Gives a hull another shape, which wakes what lies on it or comes to; nothing happens if there is no such hull. What soft layers
-    /// feel stays.
+    /// Gives a hull another shape, for bodies and soft layers, which wakes what lies on it or comes to; nothing happens if there is no such
+    /// hull.
     pub fn reshape(&mut self, id: BodyId, points: &[DVec3]) {
         let handle = self.bodies.get(&id).and_then(|b| b.handle);
         let Self { world, bodies, length, .. } = self;
-        let (Some(collider), Some(shape)) = (collider_of(world, handle), hull(points)) else { return };
+        let (Some(collider), Some((shape, solid))) = (collider_of(world, handle), convex(points)) else { return };
+        if let Some(body) = bodies.get_mut(&id) {
+            body.solid = solid;
+        }
         let collider = &mut world.colliders[collider];
         let before = collider.compute_aabb();
         collider.set_shape(shape);
