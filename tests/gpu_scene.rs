@@ -58,6 +58,34 @@ fn gpu_and_reference_agree_through_edits() {
     assert!(target.gpu_error(&app).unwrap() > 1e-4);
 }
 
+/// While time stands still edits go on, and the picture follows: a particle that an edit puts into skin that is held aside begins there.
+#[test]
+fn gpu_and_reference_agree_while_time_stands_still() {
+    let camera = Camera { eye: DVec3::new(0.0, 0.3, 0.9), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.9 };
+    let mut target = HeadlessTarget::new((32, 24), camera).expect("a Vulkan adapter, real or software");
+    let (mut scene, _) = scene("heart", 6_000);
+    scene.set_animation(None);
+    let mut app = App::new(scene, 1.0, || 0);
+    let stroke = |y: f64, lean: f64| {
+        let pose = |k: u32| {
+            let tip = DVec3::new(0.004 * f64::from(k) - 0.03, y + lean * f64::from(k), 0.01);
+            EditCommand::StrokePose(BladePose { t: 0.1 * f64::from(k), tip, base: tip + DVec3::Z * 0.3 })
+        };
+        let begin = EditCommand::StrokeBegin { width: 0.0006 };
+        [begin].into_iter().chain((0..16).map(pose)).chain([EditCommand::StrokeEnd]).collect::<Vec<_>>()
+    };
+    frame(&mut app, &mut target, 0, stroke(0.0, 0.0));
+    for number in 1..20 {
+        frame(&mut app, &mut target, number, Vec::new());
+    }
+    let still = |commands| InputFrame { time_s: 19.0 / 90.0, step_s: 0.0, commands, ..InputFrame::default() };
+    for commands in [Vec::new(), stroke(-0.01, 0.0013), Vec::new()] {
+        app.frame(&still(commands), &mut target).unwrap();
+        let error = target.gpu_error(&app).unwrap();
+        assert!(error <= 1e-6, "{error} of the diagonal");
+    }
+}
+
 #[test]
 fn a_sleeping_scene_costs_nothing() {
     let camera = Camera { eye: DVec3::new(0.0, 0.3, 0.9), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.9 };

@@ -166,7 +166,7 @@ fn tissue_view<'a>(tissue: &'a Tissue, materials: &'a [MaterialView<'a>]) -> Tis
         world_from_tissue: tissue.frame().affine(),
         versions: ViewVersions {
             pose: versions.pose,
-            displacements: versions.displacements,
+            displacements: versions.displacements + versions.starts,
             fades: versions.fades,
             rotations: versions.rotations,
             materials: tissue.materials().len() as u64,

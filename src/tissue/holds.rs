@@ -166,6 +166,7 @@ impl Tissue {
             let [off, velocity] = if weight > 0.0 { [off / weight, velocity / weight] } else { [DVec3::ZERO; 2] };
             if (rest, off, velocity) != (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO) {
                 network.set_start(p, rest, off, velocity);
+                self.versions.starts += 1;
             }
         }
     }

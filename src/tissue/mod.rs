@@ -78,6 +78,8 @@ pub struct Versions {
     pub pose: u64,
     /// Particle displacements.
     pub displacements: u64,
+    /// Displacements that edits gave new particles.
+    pub starts: u64,
     /// Fades.
     pub fades: u64,
     /// Rotations of the particles.
@@ -315,7 +317,7 @@ impl Tissue {
             pose,
             animation: None,
             sections: SectionBounds::default(),
-            versions: Versions { structure: 1, pose: 1, displacements: 1, fades: 1, rotations: 1 },
+            versions: Versions { structure: 1, pose: 1, displacements: 1, starts: 0, fades: 1, rotations: 1 },
             scratch: TissueScratch::default(),
             touch: touch::Touch::default(),
             forces: forces::ForceState::default(),

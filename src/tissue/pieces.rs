@@ -57,6 +57,7 @@ impl Tissue {
         }
         self.scratch.extraction = map;
         self.forget(&gone);
+        self.versions.structure += 1;
         pieces
     }
 

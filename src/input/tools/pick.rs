@@ -355,6 +355,27 @@ mod tests {
         assert!(hit.distance > 2.9 * radius && !hit.outside, "the far wall, from inside");
     }
 
+    /// What comes off does so when the blade leaves, although nothing is cut then.
+    #[test]
+    fn what_has_come_off_is_seen_where_it_went() {
+        let mut scene = sphere();
+        let mut picker = Picker::default();
+        picker.refresh(&scene);
+        let (low, high) = picker.bounds().unwrap();
+        let (middle, radius) = ((low + high) / 2.0, (high - low).x / 2.0);
+        scene.edit(EditCommand::StrokeBegin { width: 0.02 * radius });
+        for i in 0..=40 {
+            let at = |z: f64| middle + radius * DVec3::new(0.1 * f64::from(i) - 1.5, 0.3, z);
+            scene.edit(EditCommand::StrokePose(BladePose { t: f64::from(i), tip: at(-1.5), base: at(1.5) }));
+        }
+        picker.refresh(&scene);
+        let reports = scene.edit(EditCommand::StrokeEnd);
+        assert_eq!(reports[0].pieces.len(), 2);
+        picker.refresh(&scene);
+        let (wrong, hits) = differing(&picker, &scene);
+        assert!(wrong == 0 && hits > 20, "{wrong} of {hits}");
+    }
+
     #[test]
     fn a_contour_lies_on_plane_and_surface() {
         let scene = sphere();
