@@ -1,6 +1,7 @@
 // Normals of all wedges (MATHS 2.3): where the vertex or one of its neighbours is displaced, area-weighted face normals
-// gathered from final positions over the faces of the fan that share the wedge's smoothing group; elsewhere the cofactor
-// of the blended matrix applied to the normal at rest.
+// gathered from final positions over the faces of the fan that share the wedge's smoothing group, and where an edit has put
+// vertices into these and they are skin, turned as the wedge's own normal differs from such a sum at rest; elsewhere the cofactor of the
+// blended matrix applied to the normal at rest.
 
 @group(0) @binding(6) var<storage, read> faces: array<FaceRecord>;
 @group(0) @binding(7) var<storage, read> wedges: array<Wedge>;
@@ -8,28 +9,60 @@
 // No sound fan is longer; a damaged one must not hang the device.
 const MAX_FAN: u32 = 4096u;
 
+// Height over length, of faces whose normals rounding says more of than they do.
+const SLIVER: f32 = 1e-3;
+
 struct Gathered {
     normal: vec3f,
+    size: f32, // of the products that went into it
     moved: f32,
+    edited: bool, // of a face of the skin a vertex was inserted
 }
 
-fn position_of(t: u32, corner_wedge: u32) -> vec4f {
-    return deformed[tissues[t].positions + wedges[tissues[t].wedges + corner_wedge].vertex];
+// Bits of what a vertex touches.
+const SKIN: u32 = 1u;
+const INSIDE: u32 = 2u;
+
+fn side_of(t: u32, h: u32) -> u32 {
+    return select(SKIN, INSIDE, (faces[tissues[t].faces + h / 3u].draw >> 31u) != 0u);
+}
+
+// Where the vertex of a wedge is, and whether it is displaced; or where it is at rest.
+fn place_of(t: u32, w: u32, at_rest: bool) -> vec4f {
+    let v = wedges[tissues[t].wedges + w].vertex;
+    if (at_rest) {
+        return vec4f(rest_of(tissues[t].vertices + v), 0.0);
+    }
+    return deformed[tissues[t].positions + v];
 }
 
 // Adds the face that half-edge `h` leaves from.
-fn add_face(t: u32, h: u32, wedge_group: u32, sum: Gathered) -> Gathered {
+fn add_face(t: u32, h: u32, wedge_group: u32, at_rest: bool, sum: Gathered) -> Gathered {
     let face = tissues[t].faces + h / 3u;
     let k = h % 3u;
     let corner = faces[face].wedges[k];
-    let a = position_of(t, corner);
-    let b = position_of(t, faces[face].wedges[(k + 1u) % 3u]);
-    let c = position_of(t, faces[face].wedges[(k + 2u) % 3u]);
-    let moved = max(sum.moved, max(a.w, max(b.w, c.w)));
-    if (wedges[tissues[t].wedges + corner].group != wedge_group) {
-        return Gathered(sum.normal, moved);
+    let a = place_of(t, corner, at_rest);
+    let b = place_of(t, faces[face].wedges[(k + 1u) % 3u], at_rest);
+    let c = place_of(t, faces[face].wedges[(k + 2u) % 3u], at_rest);
+    var out = sum;
+    out.moved = max(sum.moved, max(a.w, max(b.w, c.w)));
+    if (wedges[tissues[t].wedges + corner].group == wedge_group) {
+        out.normal += cross(b.xyz - a.xyz, c.xyz - a.xyz);
+        out.size += distance(a.xyz, b.xyz) * distance(a.xyz, c.xyz);
+        if ((tissues[t].flags & WOUNDED) != 0u && !sum.edited && side_of(t, h) == SKIN) {
+            out.edited = is_inserted(t, h, 0u) || is_inserted(t, h, 1u) || is_inserted(t, h, 2u);
+        }
     }
-    return Gathered(sum.normal + cross(b.xyz - a.xyz, c.xyz - a.xyz), moved);
+    return out;
+}
+
+// The vertex that the half-edge `turn` steps on in the face of `h` comes from.
+fn corner_of(t: u32, h: u32, turn: u32) -> u32 {
+    return wedges[tissues[t].wedges + faces[tissues[t].faces + h / 3u].wedges[(h % 3u + turn) % 3u]].vertex;
+}
+
+fn is_inserted(t: u32, h: u32, turn: u32) -> bool {
+    return vertices[tissues[t].vertices + corner_of(t, h, turn)].row.y > 0u;
 }
 
 fn opposite_of(t: u32, h: u32) -> u32 {
@@ -45,11 +78,11 @@ fn previous_of(h: u32) -> u32 {
 }
 
 // Walks the fan from `start` counter-clockwise, and clockwise too where it is open.
-fn gather(t: u32, start: u32, wedge_group: u32) -> Gathered {
-    var sum = Gathered(vec3f(0.0), 0.0);
+fn gather(t: u32, start: u32, wedge_group: u32, at_rest: bool) -> Gathered {
+    var sum = Gathered(vec3f(0.0), 0.0, 0.0, false);
     var h = start;
     for (var i = 0u; i < MAX_FAN; i++) {
-        sum = add_face(t, h, wedge_group, sum);
+        sum = add_face(t, h, wedge_group, at_rest, sum);
         h = opposite_of(t, previous_of(h));
         if (h == start) {
             return sum;
@@ -61,7 +94,7 @@ fn gather(t: u32, start: u32, wedge_group: u32) -> Gathered {
     h = opposite_of(t, start);
     for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
         h = next_of(h);
-        sum = add_face(t, h, wedge_group, sum);
+        sum = add_face(t, h, wedge_group, at_rest, sum);
         h = opposite_of(t, h);
     }
     return sum;
@@ -76,39 +109,18 @@ fn unit_or(v: vec3f, fallback: vec3f) -> vec3f {
     return fallback;
 }
 
-// Bits of what a vertex touches.
-const SKIN: u32 = 1u;
-const INSIDE: u32 = 2u;
-
-fn side_of(t: u32, h: u32) -> u32 {
-    return select(SKIN, INSIDE, (faces[tissues[t].faces + h / 3u].draw >> 31u) != 0u);
+// Turns `v` as the shortest turn that takes `start` to `end`, both of unit length. What is turned round altogether turns nothing.
+fn turned(v: vec3f, start: vec3f, end: vec3f) -> vec3f {
+    let c = dot(start, end);
+    let w = cross(start, end);
+    return select(end, v + cross(w, v) + cross(w, cross(w, v)) / max(1.0 + c, 1e-3), c > -0.9);
 }
 
-// True on the lip of a wound: a vertex that an edit inserted, where the skin ends or meets a wall or cap.
+// True on the lip of a wound: a vertex that an edit inserted, where the skin ends or meets a wall or cap. It has no bones: its record
+// says so in their place.
 fn is_lip(t: u32, v: u32) -> bool {
     let record = vertices[tissues[t].vertices + v];
-    if (record.row.y == 0u || record.half_edge == NONE) {
-        return false;
-    }
-    var touches = 0u;
-    var h = record.half_edge;
-    for (var i = 0u; i < MAX_FAN; i++) {
-        touches |= side_of(t, h);
-        h = opposite_of(t, previous_of(h));
-        if (h == record.half_edge) {
-            return touches == (SKIN | INSIDE);
-        }
-        if (h == NONE) {
-            break;
-        }
-    }
-    h = opposite_of(t, record.half_edge);
-    for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
-        h = next_of(h);
-        touches |= side_of(t, h);
-        h = opposite_of(t, h);
-    }
-    return (touches & SKIN) != 0u; // an open fan
+    return record.row.y > 0u && record.bones.x != 0u;
 }
 
 // For what has no lip near it, in diagonals: too far to look like one.
@@ -171,11 +183,6 @@ fn lip_around(t: u32, v: u32, p: vec3f) -> f32 {
     return nearest;
 }
 
-// The vertex that the half-edge `turn` steps on in the face of `h` comes from.
-fn corner_of(t: u32, h: u32, turn: u32) -> u32 {
-    return wedges[tissues[t].wedges + faces[tissues[t].faces + h / 3u].wedges[(h % 3u + turn) % 3u]].vertex;
-}
-
 // Distance of a vertex from the lip of a wound over the faces around it and around its neighbours, in diagonals, for the picture;
 // FAR_FROM_LIP where none of them has one. It is told in full where it is more: over a large face the pale edge would be wide. Faces around
 // it alone are too few: where the skin's own vertices lie close to a cut, its pale edge would end there.
@@ -228,16 +235,26 @@ fn normals(
     }
     let wedge = wedges[tissues[t].wedges + w];
     let rest = unit_or(vec3f(wedge.normal[0], wedge.normal[1], wedge.normal[2]), vec3f(0.0, 0.0, 1.0));
+    let still = blended(t, wedge.vertex);
     var normal = rest;
     if (skinned) {
-        normal = unit_or(apply_cofactor(blended(t, wedge.vertex), rest), rest);
+        normal = unit_or(apply_cofactor(still, rest), rest);
     }
     if (displaced && (tissues[t].flags & (DISPLACED | FADING)) != 0u) {
         let start = vertices[tissues[t].vertices + wedge.vertex].half_edge;
         if (start != NONE) {
-            let gathered = gather(t, start, wedge.group);
+            let gathered = gather(t, start, wedge.group, false);
             if (gathered.moved > 0.0) {
-                normal = unit_or(gathered.normal, normal);
+                let now = unit_or(gathered.normal, normal);
+                var before = Gathered(now, 0.0, 0.0, false);
+                if (gathered.edited) {
+                    before = gather(t, start, wedge.group, true);
+                }
+                if (gathered.edited && length(before.normal) > SLIVER * before.size) {
+                    normal = turned(normal, unit_or(apply_cofactor(still, before.normal), now), now);
+                } else {
+                    normal = now;
+                }
             }
         }
     }

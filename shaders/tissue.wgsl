@@ -14,6 +14,8 @@ const WALL: u32 = 1u;
 const RIM: u32 = 2u;
 // A face of the skin with all its corners on the lip, and more than lip: how far from it a point is, only the face's own edges tell.
 const BETWEEN_LIPS: u32 = 4u;
+// A face of a tissue that is WHOLE: from behind, too, it is skin.
+const FOLDED_SKIN: u32 = 8u;
 // What is farther from a lip than anything that looks like one, in diagonals.
 const OFF_LIP: f32 = 1.0;
 
@@ -128,6 +130,8 @@ fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> 
     } else if (is_between_lips(t, face)) {
         out.flags = BETWEEN_LIPS;
         out.edges = from_edges(t, face, index % 3u);
+    } else if ((tissues[t].flags & WHOLE) != 0u) {
+        out.flags = FOLDED_SKIN;
     }
     out.view = view;
     out.clip = frame.views[view].clip_from_world * vec4f(out.position, 1.0);
@@ -281,7 +285,7 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     if (wall && front) {
         gradient = raw_flesh(s.albedo, in.rest, &s);
         s.openness = 0.72;
-    } else if (wall || !front) {
+    } else if (wall || (!front && (in.flags & FOLDED_SKIN) == 0u)) {
         gradient = raw_flesh(RAW, in.rest, &s);
         s.wetness = 0.8;
         s.openness = 0.36;

@@ -9,6 +9,7 @@ const DISPLACED: u32 = 2u;
 const FADING: u32 = 4u;
 const ROTATED: u32 = 8u;
 const WOUNDED: u32 = 16u;
+const WHOLE: u32 = 32u;
 
 // One tissue: where its data lies, and what moves it.
 struct TissueRecord {

@@ -22,6 +22,9 @@ pub struct Deformed {
 /// For what has no lip near it, in diagonals: too far to look like one.
 const FAR_FROM_LIP: f64 = 0.03;
 
+/// Height over length, of faces whose normals rounding says more of than they do.
+const SLIVER: f64 = 1e-3;
+
 impl Deformed {
     /// Computes both. `fading` is false once all fades have ended.
     pub fn compute(&mut self, view: &TissueView<'_>, fading: bool) {
@@ -56,19 +59,30 @@ impl Deformed {
         if v.index() >= self.exact.len() || !view.mesh.vertex_is_live(v) {
             return rest.as_vec3().extend(FAR_FROM_LIP as f32).to_array();
         }
-        let mut normal = (cofactor(view.pose.blended_linear(view.rows, v)) * rest).normalize_or(rest);
-        let (mut sum, mut moved) = (DVec3::ZERO, false);
+        let still = cofactor(view.pose.blended_linear(view.rows, v));
+        let mut normal = (still * rest).normalize_or(rest);
+        let (mut now, mut before, mut size, mut moved, mut edited) = (DVec3::ZERO, DVec3::ZERO, 0.0, false, false);
         for h in view.mesh.fan(v) {
             let f = h.face();
             let corners = view.mesh.face(f);
             moved |= corners.iter().any(|c| self.positions[c.index()][3] > 0.0);
             if view.mesh.wedge(view.mesh.face_wedges(f)[h.corner()]).group == wedge.group {
-                let [a, b, c] = corners.map(|c| self.exact[c.index()]);
-                sum += (b - a).cross(c - a);
+                edited |= !view.mesh.face_info(f).is_interior() && corners.iter().any(|&c| !view.rows.is_base(c));
+                let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
+                now += area(corners.map(|c| self.exact[c.index()]));
+                let at_rest = corners.map(|c| view.rows.rest(c));
+                before += area(at_rest);
+                let k = h.corner();
+                size += [1, 2].map(|i| at_rest[k].distance(at_rest[(k + i) % 3])).iter().product::<f64>();
             }
         }
         if moved {
-            normal = sum.normalize_or(normal);
+            let now = now.normalize_or(normal);
+            normal = if edited && before.length() > SLIVER * size {
+                turned(normal, (still * before).normalize_or(now), now)
+            } else {
+                now
+            };
         }
         let lip = Some(self.lip_distance(view, v)).filter(|lip| lip.is_finite()).map_or(FAR_FROM_LIP, |lip| lip / view.diagonal);
         normal.as_vec3().extend(lip as f32).to_array()
@@ -102,8 +116,14 @@ impl Deformed {
     }
 }
 
+/// Turns `v` as the shortest turn that takes `from` to `to`, both of unit length. What is turned round altogether turns nothing.
+fn turned(v: DVec3, from: DVec3, to: DVec3) -> DVec3 {
+    let (c, w) = (from.dot(to), from.cross(to));
+    if c > -0.9 { v + w.cross(v) + w.cross(w.cross(v)) / (1.0 + c) } else { to }
+}
+
 /// True for a vertex that an edit inserted where the skin ends or meets a wall or cap.
-fn is_lip(view: &TissueView<'_>, v: VertexId) -> bool {
+pub(super) fn is_lip(view: &TissueView<'_>, v: VertexId) -> bool {
     if view.rows.rows.row(v.index()).is_empty() || !view.mesh.vertex_is_live(v) {
         return false;
     }

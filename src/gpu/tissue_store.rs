@@ -8,12 +8,13 @@ use super::cpu_deform::Deformed;
 use super::deform::GROUP;
 use super::error::GpuError;
 use super::groups::Groups;
+use super::lips::Lips;
 use super::rest_bounds::{RestBounds, largest_turn, transformed};
-use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord, WOUNDED};
+use super::types::{DISPLACED, FADING, FaceRecord, ROTATED, SKINNED, Term, TissueRecord, VertexRecord, WHOLE, WOUNDED};
 use super::view::{DirtyRanges, TissueDirty, TissueView, ViewVersions};
 use super::views::ViewPose;
-use crate::geometry::FaceId;
 use crate::geometry::room::{fit, headroom, with_headroom};
+use crate::geometry::{FaceId, HalfEdge, VertexId};
 use crate::rig::{FADE_BLOCK, JointMatrix};
 use glam::{DAffine3, DVec3};
 use std::ops::Range;
@@ -78,6 +79,9 @@ pub struct GpuTissue {
     posed: Bounds,
     largest_displacement: f64,
     rotated: bool,
+    lips: Lips,
+    /// No border, at the last full upload.
+    closed: bool,
     long_rows: bool,
     /// Farthest that a turned particle may carry a vertex.
     largest_turn: f64,
@@ -118,6 +122,8 @@ impl GpuTissue {
             posed: Bounds::EMPTY,
             largest_displacement: 0.0,
             rotated: false,
+            lips: Lips::default(),
+            closed: false,
             long_rows: false,
             largest_turn: 0.0,
             largest_fade: 0.0,
@@ -251,7 +257,9 @@ impl GpuTissue {
         if full {
             self.fades.clear();
             self.fades_seen = 0;
+            self.closed = is_closed(view);
             self.make_room(view);
+            self.lips.make_room(view.mesh.vertex_slots());
         }
         self.upload_structure(arenas, view, ranges);
         if self.rest_bounds.grow(view, clamped(&ranges.vertices, view.rows.len() as u32), full) {
@@ -325,9 +333,15 @@ impl GpuTissue {
     fn upload_structure(&mut self, arenas: &mut Arenas, view: &TissueView<'_>, ranges: &DirtyRanges) {
         let slots = &self.slots;
         let before = arenas.bytes_uploaded();
+        let (vertices, faces) = (clamped(&ranges.vertices, slots.vertices.len), clamped(&ranges.faces, slots.faces.len));
+        let lips = &mut self.lips;
+        lips.look(view, vertices, faces);
         for range in clamped(&ranges.vertices, slots.vertices.len) {
             self.long_rows |= range.clone().any(|v| view.rows.rows.row(v).len() > 3);
-            arenas.upload(ArenaKind::Vertices, slots.vertices, range, |v| vertex_record(view, v));
+            arenas.upload(ArenaKind::Vertices, slots.vertices, range, |v| vertex_record(view, lips, v));
+        }
+        for v in lips.changed() {
+            arenas.upload(ArenaKind::Vertices, slots.vertices, v..v + 1, |v| vertex_record(view, lips, v));
         }
         for range in clamped(&ranges.bones, slots.bones.len) {
             let bones = view.rows.bones.arena();
@@ -485,7 +499,8 @@ impl GpuTissue {
                 | flag(self.largest_displacement > 0.0, DISPLACED)
                 | flag(fading, FADING)
                 | flag(self.rotated, ROTATED | DISPLACED)
-                | flag(!view.rows.rows.arena().is_empty(), WOUNDED),
+                | flag(!view.rows.rows.arena().is_empty(), WOUNDED)
+                | flag(self.closed && view.rows.rows.arena().is_empty(), WHOLE),
             time_high,
             time_low: if fading { (view.time_s - f64::from(time_high)) as f32 } else { 0.0 },
             fade_duration: view.fade_duration_s as f32,
@@ -493,6 +508,12 @@ impl GpuTissue {
             ..self.record
         };
     }
+}
+
+/// True for a model without a border, or with edits, which are asked for no border.
+fn is_closed(view: &TissueView<'_>) -> bool {
+    let mesh = view.mesh;
+    !view.rows.rows.arena().is_empty() || mesh.live_faces().all(|f| (0..3).all(|k| mesh.opposite(HalfEdge::of(f, k)).is_some()))
 }
 
 fn clamped(ranges: &[Range<usize>], len: u32) -> impl Iterator<Item = Range<usize>> + '_ {
@@ -513,12 +534,13 @@ fn full_ranges(view: &TissueView<'_>) -> DirtyRanges {
     }
 }
 
-fn vertex_record(view: &TissueView<'_>, v: usize) -> VertexRecord {
+/// What has no bones of its own says in their place whether it is on a lip.
+fn vertex_record(view: &TissueView<'_>, lips: &Lips, v: usize) -> VertexRecord {
     let span = |spans: &[crate::geometry::Span]| spans.get(v).map_or([0, 0], |s| [s.start, s.len]);
     VertexRecord {
         rest: view.rows.rest_position[v],
         half_edge: view.mesh.all_vertex_half_edges()[v].0,
-        bones: span(view.rows.bones.spans()),
+        bones: if view.rows.is_base(VertexId::new(v)) { span(view.rows.bones.spans()) } else { [u32::from(lips.contains(v)), 0] },
         row: span(view.rows.rows.spans()),
         influences: span(view.map.influences.spans()),
     }

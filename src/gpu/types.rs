@@ -59,7 +59,7 @@ gpu_struct!(
         materials: u32,
         /// Materials.
         material_count: u32,
-        /// [`SKINNED`], [`DISPLACED`], [`FADING`], [`ROTATED`], [`WOUNDED`].
+        /// [`SKINNED`], [`DISPLACED`], [`FADING`], [`ROTATED`], [`WOUNDED`], [`WHOLE`].
         flags: u32,
         /// Its own position in the table.
         slot: u32,
@@ -95,6 +95,8 @@ pub const FADING: u32 = 4;
 pub const ROTATED: u32 = 8;
 /// Edits have inserted vertices: there may be lips of wounds.
 pub const WOUNDED: u32 = 16;
+/// Closed, and without a vertex that an edit inserted: what is seen from behind is a fold of its skin.
+pub const WHOLE: u32 = 32;
 
 gpu_struct!(
     /// A topological vertex. Spans are (start, length) in the tissue's term ranges.
@@ -398,8 +400,8 @@ mod tests {
     #[test]
     fn flags_and_constants_agree() {
         let module = parse(include_str!("../../shaders/types.wgsl"));
-        let flags = [SKINNED, DISPLACED, FADING, ROTATED, WOUNDED];
-        let names = ["SKINNED", "DISPLACED", "FADING", "ROTATED", "WOUNDED"];
+        let flags = [SKINNED, DISPLACED, FADING, ROTATED, WOUNDED, WHOLE];
+        let names = ["SKINNED", "DISPLACED", "FADING", "ROTATED", "WOUNDED", "WHOLE"];
         for (name, value) in names.into_iter().zip(flags).chain([("NONE", u32::MAX)]) {
             let (_, constant) = module.constants.iter().find(|c| c.1.name.as_deref() == Some(name)).expect(name);
             let literal = &module.global_expressions[constant.init];
