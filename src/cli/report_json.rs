@@ -17,14 +17,17 @@ fn piece(piece: &PieceReport) -> Value {
         -1 => json!("negative"),
         _ => Value::Null,
     };
+    // scenes that do not measure have not looked at edges either
+    let is_measured = !piece.area.is_nan();
+    let count = |edges: usize| is_measured.then_some(edges);
     json!({
         "faces": piece.faces,
         "area": piece.area,
         "volume": piece.volume,
-        "closed": piece.closed,
-        "boundary_edges": piece.boundary_edges,
-        "non_manifold_edges": piece.non_manifold_edges,
-        "degenerate_faces": piece.degenerate_faces,
+        "closed": is_measured.then_some(piece.closed),
+        "boundary_edges": count(piece.boundary_edges),
+        "non_manifold_edges": count(piece.non_manifold_edges),
+        "degenerate_faces": count(piece.degenerate_faces),
         "side": side,
     })
 }
@@ -58,7 +61,8 @@ pub fn edit(report: &EditReport) -> Value {
         "cut" => {
             value["max_plane_distance"] = json!(report.max_plane_distance);
             let caps = report.caps;
-            value["caps"] = json!({ "loops": caps.loops, "faces": caps.faces, "unclosed_edges": caps.unclosed_edges });
+            value["caps"] =
+                json!({ "loops": caps.loops, "faces": caps.faces, "unclosed_edges": caps.unclosed_edges, "forced": caps.forced });
         }
         "tear" => {
             value["area_removed"] = json!(report.area_removed);
