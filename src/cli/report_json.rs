@@ -89,3 +89,31 @@ pub fn edits<'a>(reports: impl Iterator<Item = &'a crate::app::FrameReport>) -> 
     });
     all.collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::TissueId;
+
+    #[test]
+    fn what_was_not_measured_is_null() {
+        let measured = PieceReport {
+            tissue: TissueId(0),
+            faces: 4,
+            area: 1.0,
+            volume: 0.1,
+            closed: true,
+            boundary_edges: 0,
+            non_manifold_edges: 0,
+            degenerate_faces: 0,
+            side: 1,
+            lowest_origin: 0,
+        };
+        let not = PieceReport { area: f64::NAN, volume: f64::NAN, ..measured.clone() };
+        let (measured, not) = (piece(&measured), piece(&not));
+        for key in ["area", "volume", "closed", "boundary_edges", "non_manifold_edges", "degenerate_faces"] {
+            assert!(not[key].is_null() && !measured[key].is_null(), "{key}");
+        }
+        assert!(measured["closed"] == true && not["faces"] == 4 && not["side"] == "positive");
+    }
+}
