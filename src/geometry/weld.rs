@@ -34,7 +34,10 @@ impl Welded {
             (p[0] - q[0]).abs() <= near && (p[1] - q[1]).abs() <= near
         };
         let rings = || starts.windows(2).map(|span| &corners[span[0] as usize..span[1] as usize]);
-        let has_near = |ring: &[u32]| (0..ring.len()).any(|i| coincide(ring[i], ring[(i + 1) % ring.len()]));
+        let has_near = |ring: &[u32]| {
+            let ends = ring.last().zip(ring.first());
+            ring.windows(2).any(|pair| coincide(pair[0], pair[1])) || ends.is_some_and(|(&a, &b)| coincide(a, b))
+        };
         if !rings().any(has_near) {
             return false;
         }
