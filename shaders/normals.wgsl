@@ -19,14 +19,6 @@ struct Gathered {
     edited: bool, // of a face of the skin a vertex was inserted
 }
 
-// Bits of what a vertex touches.
-const SKIN: u32 = 1u;
-const INSIDE: u32 = 2u;
-
-fn side_of(t: u32, h: u32) -> u32 {
-    return select(SKIN, INSIDE, (faces[tissues[t].faces + h / 3u].draw >> 31u) != 0u);
-}
-
 // Where the vertex of a wedge is, and whether it is displaced; or where it is at rest.
 fn place_of(t: u32, w: u32, at_rest: bool) -> vec4f {
     let v = wedges[tissues[t].wedges + w].vertex;
@@ -49,7 +41,7 @@ fn add_face(t: u32, h: u32, wedge_group: u32, at_rest: bool, sum: Gathered) -> G
     if (wedges[tissues[t].wedges + corner].group == wedge_group) {
         out.normal += cross(b.xyz - a.xyz, c.xyz - a.xyz);
         out.size += distance(a.xyz, b.xyz) * distance(a.xyz, c.xyz);
-        if ((tissues[t].flags & WOUNDED) != 0u && !sum.edited && side_of(t, h) == SKIN) {
+        if ((tissues[t].flags & WOUNDED) != 0u && !sum.edited && (faces[face].draw >> 31u) == 0u) {
             out.edited = is_inserted(t, h, 0u) || is_inserted(t, h, 1u) || is_inserted(t, h, 2u);
         }
     }
@@ -235,9 +227,10 @@ fn normals(
     }
     let wedge = wedges[tissues[t].wedges + w];
     let rest = unit_or(vec3f(wedge.normal[0], wedge.normal[1], wedge.normal[2]), vec3f(0.0, 0.0, 1.0));
-    let still = blended(t, wedge.vertex);
+    var still = identity();
     var normal = rest;
     if (skinned) {
+        still = blended(t, wedge.vertex);
         normal = unit_or(apply_cofactor(still, rest), rest);
     }
     if (displaced && (tissues[t].flags & (DISPLACED | FADING)) != 0u) {
@@ -245,15 +238,13 @@ fn normals(
         if (start != NONE) {
             let gathered = gather(t, start, wedge.group, false);
             if (gathered.moved > 0.0) {
-                let now = unit_or(gathered.normal, normal);
-                var before = Gathered(now, 0.0, 0.0, false);
+                let own = normal;
+                normal = unit_or(gathered.normal, own);
                 if (gathered.edited) {
-                    before = gather(t, start, wedge.group, true);
-                }
-                if (gathered.edited && length(before.normal) > SLIVER * before.size) {
-                    normal = turned(normal, unit_or(apply_cofactor(still, before.normal), now), now);
-                } else {
-                    normal = now;
+                    let before = gather(t, start, wedge.group, true);
+                    if (length(before.normal) > SLIVER * before.size) {
+                        normal = turned(own, unit_or(apply_cofactor(still, before.normal), normal), normal);
+                    }
                 }
             }
         }

@@ -4,7 +4,7 @@
 use super::view::TissueView;
 use crate::geometry::{VertexId, WedgeId, cofactor};
 use crate::rig::{Fades, displaced};
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DMat3, DQuat, DVec3, Vec3};
 
 /// What the deform pass leaves behind; kept between frames.
 #[derive(Debug, Default)]
@@ -118,8 +118,7 @@ impl Deformed {
 
 /// Turns `v` as the shortest turn that takes `from` to `to`, both of unit length. What is turned round altogether turns nothing.
 fn turned(v: DVec3, from: DVec3, to: DVec3) -> DVec3 {
-    let (c, w) = (from.dot(to), from.cross(to));
-    if c > -0.9 { v + w.cross(v) + w.cross(w.cross(v)) / (1.0 + c) } else { to }
+    if from.dot(to) > -0.9 { DQuat::from_rotation_arc(from, to) * v } else { to }
 }
 
 /// True for a vertex that an edit inserted where the skin ends or meets a wall or cap.

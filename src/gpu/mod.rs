@@ -16,7 +16,7 @@ pub mod error;
 pub mod groups;
 pub mod instruments;
 pub mod lines;
-pub(crate) mod lips;
+mod lips;
 pub mod materials;
 pub mod pipelines;
 pub mod readback;

@@ -80,8 +80,8 @@ pub struct GpuTissue {
     largest_displacement: f64,
     rotated: bool,
     lips: Lips,
-    /// No border, at the last full upload.
-    closed: bool,
+    /// No edits and no border, at the last full upload.
+    was_whole: bool,
     long_rows: bool,
     /// Farthest that a turned particle may carry a vertex.
     largest_turn: f64,
@@ -123,7 +123,7 @@ impl GpuTissue {
             largest_displacement: 0.0,
             rotated: false,
             lips: Lips::default(),
-            closed: false,
+            was_whole: false,
             long_rows: false,
             largest_turn: 0.0,
             largest_fade: 0.0,
@@ -257,7 +257,7 @@ impl GpuTissue {
         if full {
             self.fades.clear();
             self.fades_seen = 0;
-            self.closed = is_closed(view);
+            self.was_whole = is_whole(view);
             self.make_room(view);
             self.lips.make_room(view.mesh.vertex_slots());
         }
@@ -500,7 +500,7 @@ impl GpuTissue {
                 | flag(fading, FADING)
                 | flag(self.rotated, ROTATED | DISPLACED)
                 | flag(!view.rows.rows.arena().is_empty(), WOUNDED)
-                | flag(self.closed && view.rows.rows.arena().is_empty(), WHOLE),
+                | flag(self.was_whole && view.rows.rows.arena().is_empty(), WHOLE),
             time_high,
             time_low: if fading { (view.time_s - f64::from(time_high)) as f32 } else { 0.0 },
             fade_duration: view.fade_duration_s as f32,
@@ -510,10 +510,10 @@ impl GpuTissue {
     }
 }
 
-/// True for a model without a border, or with edits, which are asked for no border.
-fn is_closed(view: &TissueView<'_>) -> bool {
+/// True for a model without edits and without a border.
+fn is_whole(view: &TissueView<'_>) -> bool {
     let mesh = view.mesh;
-    !view.rows.rows.arena().is_empty() || mesh.live_faces().all(|f| (0..3).all(|k| mesh.opposite(HalfEdge::of(f, k)).is_some()))
+    view.rows.rows.arena().is_empty() && mesh.live_faces().all(|f| (0..3).all(|k| mesh.opposite(HalfEdge::of(f, k)).is_some()))
 }
 
 fn clamped(ranges: &[Range<usize>], len: u32) -> impl Iterator<Item = Range<usize>> + '_ {
