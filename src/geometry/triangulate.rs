@@ -69,22 +69,20 @@ impl Triangulator {
     ) -> TriangulationOutcome {
         let mut welded = std::mem::take(&mut self.welded);
         let before = out.len();
-        let outcome = if welded.weld(points, corners, starts, taken) {
-            let outcome = self.triangulate_loops(&welded.points, &welded.corners, &welded.starts, taken, out);
+        let is_welded = welded.weld(points, corners, starts, taken);
+        let loops =
+            if is_welded { (&welded.points[..], &welded.corners[..], &welded.starts[..]) } else { (points, corners, starts) };
+        let outcome = self.triangulate_loops(loops, taken, out);
+        if is_welded {
             welded.put_back(out, &mut self.opposite, before);
-            outcome
-        } else {
-            self.triangulate_loops(points, corners, starts, taken, out)
-        };
+        }
         self.welded = welded;
         outcome
     }
 
     fn triangulate_loops(
         &mut self,
-        points: &[[f64; 2]],
-        corners: &[u32],
-        starts: &[u32],
+        (points, corners, starts): (&[[f64; 2]], &[u32], &[u32]),
         taken: &[[u32; 2]],
         out: &mut Vec<[u32; 3]>,
     ) -> TriangulationOutcome {

@@ -260,7 +260,7 @@ fn corners_that_coincide_but_for_rounding_cover_nothing_twice() {
         assert!((sum - whole).abs() < 1e-12 * whole, "{seed} {grain}: {sum} of {whole}");
         let mut triangulator = Triangulator::default();
         let mut out = Vec::new();
-        let as_they_are = triangulator.triangulate_loops(&region.points, &region.corners, &region.starts, &[], &mut out);
+        let as_they_are = triangulator.triangulate_loops((&region.points, &region.corners, &region.starts), &[], &mut out);
         worst = worst.max(covered(&region, &out) / whole).max(f64::from(u8::from(as_they_are.forced_ears > 0)));
     }
     assert!(worst > 1.2, "left as they are they make no trouble: {worst}");

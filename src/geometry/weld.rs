@@ -21,6 +21,8 @@ pub(super) struct Welded {
     out: Vec<[u32; 3]>,
     order: Vec<u32>,
     joined: FxHashMap<[u32; 2], ()>,
+    /// Half-edges along the loops, by their corners.
+    along: FxHashMap<[u32; 2], u32>,
 }
 
 impl Welded {
@@ -95,17 +97,20 @@ impl Welded {
 
     /// Puts back what was taken out, into `triangles` with the half-edges `opposite` theirs: [`super::Triangulator::opposite`].
     pub(super) fn put_back(&mut self, triangles: &mut Vec<[u32; 3]>, opposite: &mut Vec<u32>, first: usize) {
-        while let Some([kept, corner, after]) = self.out.pop() {
-            let is_edge = |h: &usize| {
-                let t = triangles[first + h / 3];
-                opposite[*h] == NO_OPPOSITE && t[h % 3] == kept && t[(h + 1) % 3] == after
-            };
-            // those that follow one another are put back into the triangle before
-            let Some(h) = (0..opposite.len()).rev().find(is_edge) else { continue };
+        let Self { out, along, .. } = self;
+        along.clear();
+        let loop_edges = (0..opposite.len()).filter(|&h| opposite[h] == NO_OPPOSITE);
+        along.extend(loop_edges.map(|h| {
+            let t = triangles[first + h / 3];
+            ([t[h % 3], t[(h + 1) % 3]], h as u32)
+        }));
+        while let Some([kept, corner, after]) = out.pop() {
+            let Some(h) = along.remove(&[kept, after]) else { continue };
             let new = opposite.len() as u32;
             triangles.push([kept, corner, after]);
-            opposite[h] = new + 2;
-            opposite.extend([NO_OPPOSITE, NO_OPPOSITE, h as u32]);
+            opposite[h as usize] = new + 2;
+            opposite.extend([NO_OPPOSITE, NO_OPPOSITE, h]);
+            along.extend([([kept, corner], new), ([corner, after], new + 1)]);
         }
     }
 }
