@@ -79,8 +79,7 @@ impl Update<'_, '_> {
     /// A particle whose anchor was there before the slit and is a lip only now was no lip when the strips before were cut: what of their lips
     /// on its side it lost then, where the slit bends, it holds again.
     pub(super) fn hold_lips_before(&mut self) {
-        let (mesh, rest, edit) = (self.mesh, self.rest, self.edit);
-        let most = self.settings.max_influences + EXTRA_INFLUENCES;
+        let (mesh, edit) = (self.mesh, self.edit);
         let first_new = edit.new_vertices.first().map_or(VertexId::NONE, |n| n.vertex);
         let is_late = |l: &&LipVertex| l.vertex < first_new && mesh.vertex_is_live(l.vertex);
         for lip in edit.lips.iter().filter(is_late) {
@@ -92,24 +91,32 @@ impl Update<'_, '_> {
                 if self.map.anchors[j.index()] != lip.vertex {
                     continue;
                 }
-                let mut next = self.strips.last_of(lip.strip);
-                while let Some(k) = next {
-                    let mut is_near = false;
-                    for at in 0..self.strips.lips_of(k).len() {
-                        let v = self.strips.lips_of(k)[at];
-                        let is_one = v.index() < rest.len() && mesh.vertex_is_live(v) && self.weight(v, j) > 0.0;
-                        is_near |= is_one;
-                        if is_one && self.strips.are_of_one_lip(k, [v, lip.vertex]) && self.connects(j, v) {
-                            let row = self.scratch.rows.open(v, self.map);
-                            if row.len() < most {
-                                row.add(j);
-                            }
-                        }
-                    }
-                    next = self.strips.last_of(k).filter(|_| is_near);
-                }
+                self.hold_lips_behind(j, lip);
                 self.find_neighbours(j, lip.vertex);
             }
+        }
+    }
+
+    /// What a particle anchored to a lip holds again of the lips of the strips before.
+    fn hold_lips_behind(&mut self, j: ParticleId, lip: &LipVertex) {
+        let most = self.settings.max_influences + EXTRA_INFLUENCES;
+        let mut next = self.strips.last_of(lip.strip);
+        while let Some(k) = next {
+            let mut is_near = false;
+            for at in 0..self.strips.lips_of(k).len() {
+                let v = self.strips.lips_of(k)[at];
+                if v.index() >= self.rest.len() || !self.mesh.vertex_is_live(v) || self.weight(v, j) <= 0.0 {
+                    continue;
+                }
+                is_near = true;
+                if self.strips.are_of_one_lip(k, [v, lip.vertex]) && self.connects(j, v) {
+                    let row = self.scratch.rows.open(v, self.map);
+                    if row.len() < most {
+                        row.add(j);
+                    }
+                }
+            }
+            next = self.strips.last_of(k).filter(|_| is_near);
         }
     }
 }

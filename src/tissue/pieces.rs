@@ -57,7 +57,6 @@ impl Tissue {
         }
         self.scratch.extraction = map;
         self.forget(&gone);
-        self.versions.structure += 1;
         pieces
     }
 
@@ -97,7 +96,6 @@ impl Tissue {
         self.mesh.remove_components(faces, gone.iter().copied(), &[]);
         self.forget(&gone);
         self.scratch.crumbs = gone;
-        self.versions.structure += 1;
     }
 
     /// Each of a piece's first vertices, with the one of the tissue it came off that it was.
@@ -167,6 +165,7 @@ impl Tissue {
 
     /// After pieces have left with the vertices `gone`: particles that hold nothing else go too.
     fn forget(&mut self, gone: &[VertexId]) {
+        self.versions.structure += 1;
         if let Some(SoftLayer { map, .. }) = &mut self.layer
             && map.anchors.iter().all(|a| a.is_none() || self.mesh.vertex_is_live(*a))
         {

@@ -292,6 +292,14 @@ mod tests {
         counts
     }
 
+    /// A picker that has seen a ball, with its middle and radius.
+    fn looked_at(scene: &Scene) -> (Picker, DVec3, f64) {
+        let mut picker = Picker::default();
+        picker.refresh(scene);
+        let (low, high) = picker.bounds().unwrap();
+        (picker, (low + high) / 2.0, (high - low).x / 2.0)
+    }
+
     #[test]
     fn the_hierarchy_answers_as_the_slow_search_in_every_state() {
         let mut scene = beam();
@@ -319,10 +327,7 @@ mod tests {
     #[test]
     fn a_sphere_is_hit_where_it_is_and_its_normal_points_outward() {
         let scene = sphere();
-        let mut picker = Picker::default();
-        picker.refresh(&scene);
-        let (low, high) = picker.bounds().unwrap();
-        let (middle, radius) = ((low + high) / 2.0, (high - low).x / 2.0);
+        let (picker, middle, radius) = looked_at(&scene);
         let direction = DVec3::new(-0.3, -0.5, -0.8).normalize();
         let ray = Ray { origin: middle - direction * (3.0 * radius), direction };
         let hit = picker.cast(&scene, &ray).unwrap();
@@ -337,10 +342,7 @@ mod tests {
     #[test]
     fn a_torn_surface_lets_the_ray_through() {
         let mut scene = sphere();
-        let mut picker = Picker::default();
-        picker.refresh(&scene);
-        let (low, high) = picker.bounds().unwrap();
-        let (middle, radius) = ((low + high) / 2.0, (high - low).x / 2.0);
+        let (mut picker, middle, radius) = looked_at(&scene);
         let ray = Ray { origin: middle + DVec3::Y * (2.0 * radius), direction: DVec3::NEG_Y };
         assert!(picker.cast(&scene, &ray).is_some_and(|h| h.distance < 1.1 * radius));
         scene.edit(EditCommand::StrokeBegin { width: 0.3 * radius });
@@ -359,10 +361,7 @@ mod tests {
     #[test]
     fn what_has_come_off_is_seen_where_it_went() {
         let mut scene = sphere();
-        let mut picker = Picker::default();
-        picker.refresh(&scene);
-        let (low, high) = picker.bounds().unwrap();
-        let (middle, radius) = ((low + high) / 2.0, (high - low).x / 2.0);
+        let (mut picker, middle, radius) = looked_at(&scene);
         scene.edit(EditCommand::StrokeBegin { width: 0.02 * radius });
         for i in 0..=40 {
             let at = |z: f64| middle + radius * DVec3::new(0.1 * f64::from(i) - 1.5, 0.3, z);
@@ -379,10 +378,7 @@ mod tests {
     #[test]
     fn a_contour_lies_on_plane_and_surface() {
         let scene = sphere();
-        let mut picker = Picker::default();
-        picker.refresh(&scene);
-        let (low, high) = picker.bounds().unwrap();
-        let (middle, radius) = ((low + high) / 2.0, (high - low).x / 2.0);
+        let (picker, middle, radius) = looked_at(&scene);
         let plane = |by: f64| {
             let normal = DVec3::new(1.0, 2.0, -0.5).normalize();
             Plane::Equation { normal, offset: normal.dot(middle) + by * radius }
