@@ -3,8 +3,9 @@
 //! beats and is torn. Prints medians, and what a frame did.
 //!
 //! Three times: with the CPU free for it, as where a GPU draws (two eyes of 2,064 by 2,208 pixels; what was encoded is dropped), frame
-//! after frame and at a headset's pace, 90 a second, asleep in between; and with what was encoded submitted and waited for, in small
-//! eyes. On the software adapter the CPU then draws between the frames, and each begins with other people's caches.
+//! after frame and at a headset's pace, 90 a second, asleep in between; and with what was encoded submitted and waited for. On the
+//! software adapter the CPU then draws between the frames, small eyes, and each begins with other people's caches; a GPU draws the
+//! whole eyes, and what its passes and the submission took is printed too.
 
 use glam::DVec3;
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
@@ -12,7 +13,9 @@ use incise::diagnostics::Stages;
 use incise::formats;
 use incise::geometry::VertexId;
 use incise::gpu::targets::Picture;
-use incise::gpu::{Camera, Context, ContextOptions, DrawOptions, GpuError, RenderTarget, ViewPose, ViewSet};
+use incise::gpu::{
+    AdapterKind, Camera, Context, ContextOptions, DrawOptions, GpuError, GpuTimes, RenderTarget, ViewPose, ViewSet,
+};
 use incise::host::mirror::Mirror;
 use incise::input::InputFrame;
 use incise::particles::ParticleSettings;
@@ -61,15 +64,51 @@ struct Target {
     encode_ms: f64,
     submit_ms: f64,
     sync_allocations: u64,
+    gpu: Passes,
+}
+
+/// What a GPU's passes took, and handing it the work, milliseconds a frame.
+#[derive(Default)]
+struct Passes {
+    frame: u64,
+    passes: Vec<(&'static str, Vec<f64>)>,
+    submit: Vec<f64>,
+}
+
+impl Passes {
+    /// Takes in the times of a frame that are not known yet.
+    fn add(&mut self, times: Option<GpuTimes>) {
+        let Some(times) = times.filter(|t| t.frame() > self.frame) else { return };
+        self.frame = times.frame();
+        for &(name, _) in times.passes() {
+            if self.passes.iter().all(|(known, _)| *known != name) {
+                self.passes.push((name, Vec::new()));
+            }
+        }
+        for (name, all) in &mut self.passes {
+            all.push(times.passes().iter().filter(|p| p.0 == *name).map(|p| p.1).sum());
+        }
+    }
+
+    /// Prints what has come together, and begins anew.
+    fn print(&mut self, what: &str) {
+        if self.submit.is_empty() || self.passes.is_empty() {
+            return;
+        }
+        let rows: Vec<String> = self.passes.iter_mut().map(|(name, ms)| format!("{name} {}", row(ms))).collect();
+        println!("{what}, on the GPU: {} ms; submission {}", rows.join(", "), row(&mut self.submit));
+        (self.passes, self.submit) = Default::default();
+    }
 }
 
 impl Target {
     fn new(camera: &Camera, between: Between) -> Self {
         let context = Arc::new(Context::headless(ContextOptions::default()).expect("an adapter"));
+        let is_gpu = context.adapter_kind() != AdapterKind::Software;
         let (drawing, size) = match between {
             Between::Nothing => ("not drawn", EYE),
             Between::Sleep => ("not drawn, 90 frames a second", EYE),
-            Between::Draw => ("drawn between the frames", SMALL_EYE),
+            Between::Draw => ("drawn between the frames", if is_gpu { EYE } else { SMALL_EYE }),
         };
         println!("{drawing}, adapter {}", context.adapter_name());
         let colour = Picture::new(&context, size, 2).expect("a picture");
@@ -77,9 +116,11 @@ impl Target {
             let eye = camera.eye + DVec3::X * (0.032 * side);
             ViewPose::from_camera(&Camera { eye, ..*camera }, f64::from(EYE.0) / f64::from(EYE.1)).expect("a view")
         };
+        let mut mirror = Mirror::new(context);
+        mirror.renderer_mut().set_timing(is_gpu && between == Between::Draw);
         Self {
             colour,
-            mirror: Mirror::new(context),
+            mirror,
             between,
             due: Instant::now(),
             views: [eye(-1.0), eye(1.0)],
@@ -87,6 +128,7 @@ impl Target {
             encode_ms: 0.0,
             submit_ms: 0.0,
             sync_allocations: 0,
+            gpu: Passes::default(),
         }
     }
 }
@@ -121,7 +163,9 @@ impl FrameTarget for Target {
         let start = Instant::now();
         if self.between == Between::Draw {
             context.queue().submit([commands]);
+            self.gpu.submit.push(ms(start));
             context.wait()?;
+            self.gpu.add(self.mirror.renderer_mut().gpu_times());
         } else {
             drop(commands);
         }
@@ -198,6 +242,13 @@ fn measure(name: &str, app: &mut App, target: &mut Target, first: usize, animate
         last.bytes_uploaded,
         last.particles_awake
     );
+    target.gpu.print(name);
+}
+
+/// Median, 99 of 100 and most.
+fn row(times: &mut [f64]) -> String {
+    let middle = median(times);
+    format!("{middle:.4} (99 %: {:.4}, most {:.4})", times[times.len() * 99 / 100], times[times.len() - 1])
 }
 
 /// Grows with every segment.
@@ -257,10 +308,6 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
     let segments = cut.len();
     assert!(segments > 100, "{segments} frames in which the blade cut");
     assert_eq!(allocations, [0; 4], "no frame of a stroke allocates");
-    let row = |times: &mut [f64]| {
-        let middle = median(times);
-        format!("{middle:.4} (99 %: {:.4}, most {:.4})", times[times.len() * 99 / 100], times[times.len() - 1])
-    };
     let mut all: Vec<f64> = [&began, &moved, &cut, &ended].into_iter().flatten().copied().collect();
     println!("torn: all frames of the strokes {} ms", row(&mut all));
     println!(
@@ -271,6 +318,7 @@ fn tear(app: &mut App, target: &mut Target, first: usize) {
         row(&mut ended),
     );
     let [edit, pose, physics, sync, encode] = stages.each_mut().map(|stage| row(stage));
+    target.gpu.print("torn");
     println!("a cut: edit {edit} ms, pose {pose}, physics {physics}, sync {sync}, encode {encode}");
 }
 

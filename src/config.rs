@@ -278,6 +278,8 @@ pub struct VrSettings {
     pub resolution_floor: f64,
     /// Whether both eyes are drawn in one pass.
     pub multiview: Multiview,
+    /// Leaves out the pixels that the lenses hide, where the runtime tells them.
+    pub visibility_mask: bool,
     /// Shows one eye in a window, too, where there is a display.
     pub mirror: bool,
     /// How long a runtime that has stopped is waited for, seconds; then the work is saved and the program ends.
@@ -295,6 +297,7 @@ impl Default for VrSettings {
             refresh_rate: 0.0,
             resolution_floor: 0.6,
             multiview: Multiview::Auto,
+            visibility_mask: true,
             mirror: true,
             return_time: 5.0,
         }

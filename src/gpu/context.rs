@@ -4,6 +4,7 @@
 use super::error::GpuError;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::Duration;
 
 /// Which adapter to look for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -70,7 +71,7 @@ impl Context {
     pub fn headless(options: ContextOptions) -> Result<Self, GpuError> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
         descriptor.backends &= wgpu::Backends::PRIMARY;
-        let instance = wgpu::Instance::new(descriptor);
+        let instance = headless_instance(descriptor);
         let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
         let adapter = best_adapter(adapters, options.adapter)?;
         let mut descriptor = device_descriptor(&adapter)?;
@@ -219,9 +220,18 @@ impl Context {
         self.kind != AdapterKind::Software
     }
 
-    /// Waits until everything submitted so far has run.
+    /// Waits until everything submitted so far has run. Errors: as [`Context::check`], and a GPU that has not come to an end within
+    /// [`PATIENCE`]: one that hangs, which its driver does not tell.
     pub fn wait(&self) -> Result<(), GpuError> {
-        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| GpuError::Lost(e.to_string()))?;
+        self.wait_for(PATIENCE)
+    }
+
+    fn wait_for(&self, patience: Duration) -> Result<(), GpuError> {
+        let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(patience) };
+        self.device.poll(wait).map_err(|e| match e {
+            wgpu::PollError::Timeout => hangs(patience),
+            other => GpuError::Lost(other.to_string()),
+        })?;
         self.check()
     }
 
@@ -235,6 +245,20 @@ impl Context {
     pub fn check(&self) -> Result<(), GpuError> {
         self.failure.get().map_or(Ok(()), |text| Err(GpuError::Lost(text.clone())))
     }
+}
+
+/// The longest that anything submitted may take: software adapters draw large pictures of large models in less.
+pub const PATIENCE: Duration = Duration::from_secs(120);
+
+/// What a GPU is called that has not come to an end.
+pub(crate) fn hangs(patience: Duration) -> GpuError {
+    GpuError::Lost(format!("it has not finished what it was given {} seconds ago", patience.as_secs()))
+}
+
+/// One for the whole process: NVIDIA's driver is no longer found where a process has let it go and loaded it a dozen times.
+fn headless_instance(descriptor: wgpu::InstanceDescriptor) -> wgpu::Instance {
+    static INSTANCE: OnceLock<wgpu::Instance> = OnceLock::new();
+    INSTANCE.get_or_init(|| wgpu::Instance::new(descriptor)).clone()
 }
 
 /// Storage buffers that the normals shader reads and writes; those of the deform shader are fewer.
@@ -339,5 +363,47 @@ mod tests {
     fn no_adapter_names_the_package() {
         let text = best_adapter(Vec::new(), AdapterChoice::Best).unwrap_err().to_string();
         assert!(text.contains("mesa-vulkan-drivers") && text.contains("libvulkan1"), "{text}");
+    }
+    /// Counts for a good part of a second.
+    const SLOW: &str = "
+        @group(0) @binding(0) var<storage, read_write> sum: array<u32>;
+        @compute @workgroup_size(1)
+        fn count(@builtin(global_invocation_id) id: vec3u) {
+            for (var i = 0u; i < 100000000u; i++) { sum[id.x] = sum[id.x] * 1664525u + i; }
+        }";
+
+    #[test]
+    fn a_gpu_that_does_not_come_to_an_end_is_not_waited_for_for_ever() {
+        let context = Context::headless(ContextOptions { adapter: AdapterChoice::Software, plain: false });
+        let Ok(context) = context else { return };
+        let device = context.device();
+        let source = wgpu::ShaderSource::Wgsl(SLOW.into());
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: None,
+            layout: None,
+            module: &module,
+            entry_point: None,
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        let usage = wgpu::BufferUsages::STORAGE;
+        let buffer = device.create_buffer(&wgpu::BufferDescriptor { label: None, size: 4, usage, mapped_at_creation: false });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: buffer.as_entire_binding() }],
+        });
+        let mut encoder = device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.dispatch_workgroups(1, 1, 1);
+        drop(pass);
+        context.queue().submit([encoder.finish()]);
+        let text = context.wait_for(Duration::from_millis(1)).unwrap_err().to_string();
+        assert!(text.contains("stopped answering") && text.contains("has not finished"), "{text}");
+        // it was merely slow
+        context.wait().expect("done");
     }
 }

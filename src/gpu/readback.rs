@@ -1,9 +1,9 @@
 //! Bringing data back from the GPU: pictures, and results for error checks. Never part of a steady frame.
 
-use super::context::Context;
+use super::context::{Context, PATIENCE, hangs};
 use super::error::GpuError;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Reads bytes of a buffer; waits for the GPU.
 pub fn read_buffer(context: &Context, buffer: &wgpu::Buffer, offset: u64, bytes: u64) -> Result<Vec<u8>, GpuError> {
@@ -88,9 +88,11 @@ impl Copy {
     /// The bytes, once they are there. Asks now and then: waiting in the driver would hold up who submits meanwhile.
     fn bytes(self, context: &Context) -> Result<Vec<u8>, GpuError> {
         let lost = |e: &dyn std::fmt::Display| GpuError::Lost(e.to_string());
+        let asked = Instant::now();
         loop {
             match self.mapped.recv_timeout(PAUSE) {
                 Ok(result) => break result.map_err(|e| lost(&e))?,
+                Err(RecvTimeoutError::Timeout) if asked.elapsed() > PATIENCE => return Err(hangs(PATIENCE)),
                 Err(RecvTimeoutError::Timeout) => context.look()?,
                 Err(gone) => return Err(lost(&gone)),
             }

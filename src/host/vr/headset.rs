@@ -49,6 +49,7 @@ pub struct Headset {
     blend: xr::EnvironmentBlendMode,
     /// What the lenses hide of each eye; none if nothing, or if the runtime does not say.
     masks: Vec<VisibilityMask>,
+    masks_wanted: bool,
     /// How much of the pictures is drawn.
     fit: Fit,
     /// Whether both eyes are drawn in one pass.
@@ -110,6 +111,7 @@ impl Headset {
             blend,
             masks: Vec::new(),
             fit: Fit::new(settings.resolution_floor),
+            masks_wanted: settings.visibility_mask,
             passes,
             events: xr::EventDataBuffer::new(),
             life: Lifecycle::default(),
@@ -277,7 +279,7 @@ impl Headset {
 
     /// What the lenses hide of each eye, if the runtime knows.
     fn load_masks(&mut self) {
-        if !self.runtime.extensions.khr_visibility_mask {
+        if !self.masks_wanted || !self.runtime.extensions.khr_visibility_mask {
             return;
         }
         let mask = |eye| {
