@@ -47,6 +47,8 @@ pub struct SlitStep {
     pub intersection_points: usize,
     /// Vertices that cuts run through or end at, copies aside.
     pub met: Vec<VertexId>,
+    /// Vertices along what the step has cut and left closed: they belong to the lip beside them.
+    pub closed: Vec<VertexId>,
     /// Sine of the smallest angle of the faces put in; infinite without any.
     pub smallest_sine: f64,
     first_new: usize,
@@ -83,14 +85,15 @@ impl SlitStep {
 
     /// Forgets everything but the buffers.
     fn clear(&mut self) {
-        let Self { mut new_vertices, mut lips, mut tags, mut added_faces, mut touched, mut met, .. } = std::mem::take(self);
+        let Self { mut new_vertices, mut lips, mut tags, mut added_faces, mut touched, mut met, mut closed, .. } =
+            std::mem::take(self);
         new_vertices.clear();
         lips.clear();
         tags.clear();
         added_faces.clear();
-        [&mut touched, &mut met].into_iter().for_each(|list| list.clear());
+        [&mut touched, &mut met, &mut closed].into_iter().for_each(|list| list.clear());
         let smallest_sine = f64::INFINITY;
-        *self = Self { new_vertices, lips, tags, added_faces, touched, met, smallest_sine, ..Self::default() };
+        *self = Self { new_vertices, lips, tags, added_faces, touched, met, closed, smallest_sine, ..Self::default() };
     }
 }
 

@@ -79,6 +79,8 @@ impl SlitScratch {
                 let end = if is_one_of_many { self.follow_spur(start, k, out) } else { None };
                 k += 1;
                 if let Some(end) = end {
+                    let passed = self.spur.iter().flat_map(|&cut| self.cuts[cut]);
+                    out.closed.extend(passed.filter(|&v| v != start));
                     self.spur.sort_unstable();
                     self.spur.drain(..).rev().for_each(|cut| _ = self.cuts.remove(cut));
                     out.tags.retain(|t| t.vertex != end);

@@ -47,5 +47,6 @@ impl SlitStep {
         self.added_faces.reserve(2 * room);
         self.touched.reserve(room);
         self.met.reserve(room);
+        self.closed.reserve(room);
     }
 }

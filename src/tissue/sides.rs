@@ -22,11 +22,11 @@ const MOST_LOOKED_AT: usize = 1024;
 impl Tissue {
     /// Lists the lips of strip `strip`: those the cut has told (`points`), and the vertices beside them that were `seen` over or under it as
     /// it was cut, between two blades (`[tip, base]`), and lie on the other side of it at rest, or right beside it if it has no width.
-    /// Vertices that the cut has `made` are not looked at.
+    /// Vertices that the cut has `made` are not looked at, but for those along what it has left `closed`.
     pub(super) fn list_lips(
         &self,
         (strip, [[tip, base], [next_tip, next_base]]): (usize, [[DVec3; 2]; 2]),
-        (points, made): (impl Iterator<Item = LipPoint>, &[NewVertex]),
+        (points, made, closed): (impl Iterator<Item = LipPoint>, &[NewVertex], &[VertexId]),
         has_width: bool,
         seen: impl Fn(VertexId) -> DVec3,
         lips: &mut Vec<LipVertex>,
@@ -38,9 +38,9 @@ impl Tissue {
         let cut = StripGeometry::new([tip, next_tip, next_base, base], layer.strips.as_slice()[strip].reach);
         let (at_rest, first_new) = (layer.strips.geometry(strip), made.first().map_or(VertexId::NONE, |n| n.vertex));
         let near = if has_width { 0.0 } else { GOES_ALONG * layer.settings.radius };
-        let goes_along = |p: DVec3, seen: DVec3| {
+        let goes_along = |p: DVec3, seen: DVec3, side: i8| {
             let is_beside = |t: &[DVec3; 3]| distance_squared_to_triangle(p, *t) < near * near;
-            p.distance_squared(seen) < near * near && at_rest.triangles.iter().any(is_beside)
+            (p.distance_squared(seen) < near * near || at_rest.side_over(p) == side) && at_rest.triangles.iter().any(is_beside)
         };
         let mut next = 0;
         while next < lips.len().min(MOST_LOOKED_AT) {
@@ -49,10 +49,12 @@ impl Tissue {
             if !self.mesh.vertex_is_live(from.vertex) {
                 continue;
             }
-            for v in self.mesh.neighbours(from.vertex).filter(|v| *v < first_new && !layer.strips.knows_side(strip, *v)) {
+            let may_not_know = |v: &VertexId| (*v < first_new && !layer.strips.knows_side(strip, *v)) || closed.contains(v);
+            for v in self.mesh.neighbours(from.vertex).filter(may_not_know) {
                 let (p, seen) = (self.rest[v.index()], seen(v));
-                let is_hidden = at_rest.side_near(p) == -from.side || goes_along(p, seen);
-                if is_hidden && cut.side_over(seen) == from.side && lips.iter().all(|l| l.vertex != v) {
+                let is_hidden = || at_rest.side_near(p) == -from.side || goes_along(p, seen, from.side);
+                let goes_with = closed.contains(&v) || is_hidden() && cut.side_over(seen) == from.side;
+                if goes_with && lips.iter().all(|l| l.vertex != v) {
                     lips.push(LipVertex { vertex: v, ..from });
                 }
             }

@@ -269,7 +269,8 @@ pub(in crate::tissue) fn bind_slit(
     });
     lips.clear();
     if let Some(strip) = strip {
-        tissue.list_lips((strip, cut), (step.lips.iter().copied(), &step.new_vertices), false, |v| tissue.position(v), lips);
+        let beside = (step.lips.iter().copied(), step.new_vertices.as_slice(), step.closed.as_slice());
+        tissue.list_lips((strip, cut), beside, false, |v| tissue.position(v), lips);
     }
     let update = stages.time("update_particles", || {
         // vertices at the joint have sides only now: links that reach them are tested against the strip before, too

@@ -262,7 +262,7 @@ impl TearStroke {
         if let Some(strip) = strip {
             let points = self.step.lips.iter().filter(|l| part.holds(|| self.seen(tissue, l.vertex))).copied();
             let seen = |v| self.positions.of(tissue, v);
-            tissue.list_lips((strip, part.blades), (points, &self.step.new_vertices), true, seen, &mut lips);
+            tissue.list_lips((strip, part.blades), (points, &self.step.new_vertices, &[]), true, seen, &mut lips);
         }
         let made = if is_first { self.step.new_vertices.as_slice() } else { &[] };
         removed.clear();

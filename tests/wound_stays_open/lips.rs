@@ -82,6 +82,40 @@ fn a_slit_without_width_has_two_lips() {
     assert!(threads <= 1 && steps <= 8, "{threads} threads, {steps} steps");
 }
 
+/// Where tissue moves, strips part at rest what they did not part as they were cut, by as little as it moved in between. What lies right
+/// beside lips goes with them all the same: skin hung over lips in tongues as high as half the gap, and bites were taken out of them.
+#[test]
+fn a_slit_in_a_beating_heart_has_lips_without_tongues() {
+    let mut folded = 0.0;
+    for k in 0..8 {
+        let (y, lean) = (f64::from(k % 4) * 0.01 - 0.01, f64::from(k) / 7.0 - 0.5);
+        let [from, to] = [-1.0, 1.0].map(|end: f64| 0.024 * end * DVec3::new(lean.cos(), lean.sin(), 0.0) + DVec3::Y * y);
+        let poses = 30 + 4 * k;
+        let mut scene = users_scene("heart", 18_000, 0.5);
+        scene.set_animation(Some(0));
+        scene.set_wall(WallMode::Open);
+        for i in 0..100 {
+            let t = 0.06 * f64::from(k) + f64::from(i) / 60.0;
+            scene.pose(t, t);
+            if i == 0 {
+                scene.edit(EditCommand::StrokeBegin { width: 0.0 });
+            }
+            if i <= poses {
+                let at = from.lerp(to, f64::from(i) / f64::from(poses));
+                scene.edit(EditCommand::StrokePose(BladePose { t, tip: at + 0.024 * DVec3::Z, base: at + 0.2 * DVec3::Z }));
+            }
+            if i == poses {
+                scene.edit(EditCommand::StrokeEnd);
+            }
+            scene.step(1.0 / 60.0);
+        }
+        let tissue = only(&scene);
+        assert!(tissue.layer().unwrap().strips.len() > 8 && changes_of_side(tissue) == 0, "stroke {k}");
+        folded += folded_skin(tissue);
+    }
+    assert!(folded < 2e-7, "{folded} square metres are folded over");
+}
+
 /// Edges of borders that lead from a lip on one side of a slit to one on the other.
 fn changes_of_side(tissue: &Tissue) -> usize {
     let (mesh, strips) = (tissue.mesh(), &tissue.layer().unwrap().strips);
