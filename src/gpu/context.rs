@@ -364,6 +364,7 @@ mod tests {
         let text = best_adapter(Vec::new(), AdapterChoice::Best).unwrap_err().to_string();
         assert!(text.contains("mesa-vulkan-drivers") && text.contains("libvulkan1"), "{text}");
     }
+
     /// Counts for a good part of a second.
     const SLOW: &str = "
         @group(0) @binding(0) var<storage, read_write> sum: array<u32>;

@@ -191,7 +191,7 @@ fn hands(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     let [x, y, z] = state.config.vr.tip_offset.map(|m| 1e3 * m);
     ui.small(format!("tip at {x:.0}, {y:.0}, {z:.0} mm from the grip"));
     let vr = &mut state.config.vr;
-    millimetres(ui, &mut vr.reach, 0.0, 0.1, "reach", "How much deeper the scalpel goes with the trigger fully pulled");
+    distance(ui, &mut vr.reach, 0.0, 0.1, "reach", "How much deeper the scalpel goes with the trigger fully pulled");
     ui.add(slider(&mut vr.haptics, 0.0..=1.0).text("vibration")).on_hover_text("Strength of what the hands feel");
     let mut degrees = vr.snap_turn.to_degrees();
     let turn = slider(&mut degrees, 0.0..=90.0).suffix(" deg").fixed_decimals(0).text("turn");
@@ -203,14 +203,14 @@ fn hands(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
 /// What a pointer's blade and grab need, and hands have by themselves.
 fn pointer(ui: &mut Ui, state: &mut PanelState) {
     let [low, high] = state.depth_range;
-    millimetres(ui, &mut state.depth, low, high, "depth", "How far the tip goes under the surface; the wheel while tearing");
+    distance(ui, &mut state.depth, low, high, "depth", "How far the tip goes under the surface; the wheel while tearing");
     let mut degrees = state.tilt.to_degrees();
     let lean = slider(&mut degrees, -68.0..=68.0).suffix(" deg").fixed_decimals(0).text("lean");
     if ui.add(lean).on_hover_text("Lean of the blade to the right; Shift and the wheel while tearing").changed() {
         state.tilt = degrees.to_radians();
     }
     let diagonal = state.diagonal;
-    millimetres(ui, &mut state.grab_radius, 0.01 * diagonal, 0.4 * diagonal, "grab", "Radius of a grab (Ctrl and drag)");
+    distance(ui, &mut state.grab_radius, 0.01 * diagonal, 0.4 * diagonal, "grab", "Radius of a grab (Ctrl and drag)");
 }
 
 fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
@@ -220,7 +220,7 @@ fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     let diagonal = state.diagonal;
     let mut width = state.config.tear.width * diagonal;
     let hint = "Width of the slit that is taken out; 0 is a slit that takes nothing out";
-    let mut changed = millimetres(ui, &mut width, 0.0, 0.1 * diagonal, "width", hint);
+    let mut changed = distance(ui, &mut width, 0.0, 0.1 * diagonal, "width", hint);
     if changed {
         state.config.tear.width = width / diagonal;
     }
@@ -235,7 +235,7 @@ fn blade(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
         ui.colored_label(WARNING, "A slit of width 0 has no walls.");
     }
     let mut gap = state.config.tear.gap * diagonal;
-    if millimetres(ui, &mut gap, 0.0, 0.1 * diagonal, "opening", "How far the lips of a wound are drawn apart") {
+    if distance(ui, &mut gap, 0.0, 0.1 * diagonal, "opening", "How far the lips of a wound are drawn apart") {
         state.config.tear.gap = gap / diagonal;
         changed = true;
     }
@@ -316,7 +316,7 @@ fn particles(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
     let diagonal = state.diagonal;
     let mut spacing = state.spacing.unwrap_or(state.spacing_used);
     let hint = "Least distance of particles; they are sampled anew when the slider is let go";
-    if millimetres(ui, &mut spacing, 0.01 * diagonal, 0.3 * diagonal, "spacing", hint) {
+    if distance(ui, &mut spacing, 0.01 * diagonal, 0.3 * diagonal, "spacing", hint) {
         state.spacing = Some(spacing);
         state.stale = true;
     }
@@ -443,19 +443,33 @@ fn slider<'a>(value: &'a mut f64, range: std::ops::RangeInclusive<f64>) -> Slide
     Slider::new(value, range).clamping(egui::SliderClamping::Edits)
 }
 
-/// A slider in millimetres over metres. Returns whether the value was changed.
-fn millimetres(ui: &mut Ui, metres: &mut f64, low: f64, high: f64, text: &str, hint: &str) -> bool {
-    let mut value = *metres * 1e3;
-    let slider = slider(&mut value, low * 1e3..=high * 1e3).suffix(" mm").text(text).max_decimals(2).smart_aim(false);
+/// A slider over metres, in the unit that suits the larger end. Returns whether the value was changed.
+fn distance(ui: &mut Ui, metres: &mut f64, low: f64, high: f64, text: &str, hint: &str) -> bool {
+    let (unit, per_metre) = unit_of(high);
+    let mut value = *metres * per_metre;
+    let slider = slider(&mut value, low * per_metre..=high * per_metre).suffix(unit).text(text).max_decimals(2).smart_aim(false);
     let changed = ui.add(slider).on_hover_text(hint).changed();
     if changed {
-        *metres = value / 1e3;
+        *metres = value / per_metre;
     }
     changed
 }
 
+/// The unit that lengths up to `metres` are told in, and how many there are to a metre.
+fn unit_of(metres: f64) -> (&'static str, f64) {
+    if metres < 1e-4 {
+        (" \u{b5}m", 1e6)
+    } else if metres < 1.0 {
+        (" mm", 1e3)
+    } else {
+        (" m", 1.0)
+    }
+}
+
 fn length(metres: f64) -> String {
-    if metres < 1.0 { format!("{:.1} mm", metres * 1e3) } else { format!("{metres:.2} m") }
+    let (unit, per_metre) = unit_of(metres);
+    let decimals = if per_metre > 1.0 { 1 } else { 2 };
+    format!("{:.*}{unit}", decimals, metres * per_metre)
 }
 
 /// What there is to be told, with a button that takes it away. Returns whether that was pressed.
@@ -527,5 +541,16 @@ pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
                 });
             });
         state.help &= open;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::length;
+
+    #[test]
+    fn lengths_are_told_in_the_unit_that_suits_them() {
+        let told = [174.6, 1.0, 0.24, 2e-4, 3e-5].map(length);
+        assert_eq!(told, ["174.60 m", "1.00 m", "240.0 mm", "0.2 mm", "30.0 \u{b5}m"]);
     }
 }
