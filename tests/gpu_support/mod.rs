@@ -11,16 +11,23 @@ use incise::particles::{Influence, ParticleMap};
 use incise::rig::{BoneWeight, JointMatrix, Pose, VertexRows};
 use std::sync::Arc;
 
-/// A software adapter if there is one (pictures are compared on it), else any.
+/// A software adapter if there is one (pictures are compared on it), else any; with `INCISE_TEST_GPU=1` a real one.
 pub fn context() -> Arc<Context> {
-    let open = |adapter| Context::headless(ContextOptions { adapter, ..Default::default() });
-    Arc::new(open(AdapterChoice::Software).or_else(|_| open(AdapterChoice::Best)).expect("a graphics adapter"))
+    open(false)
+}
+
+fn open(plain: bool) -> Arc<Context> {
+    let open = |adapter| Context::headless(ContextOptions { adapter, plain });
+    let context = match std::env::var_os("INCISE_TEST_GPU") {
+        Some(on) if on == "1" => open(AdapterChoice::Hardware),
+        _ => open(AdapterChoice::Software).or_else(|_| open(AdapterChoice::Best)),
+    };
+    Arc::new(context.expect("a graphics adapter"))
 }
 
 /// The same without what an adapter may lack: multiview, timestamps.
 pub fn plain_context() -> Arc<Context> {
-    let open = |adapter| Context::headless(ContextOptions { adapter, plain: true });
-    Arc::new(open(AdapterChoice::Software).or_else(|_| open(AdapterChoice::Best)).expect("a graphics adapter"))
+    open(true)
 }
 
 /// Two small layers to draw into, as a headset's are.
