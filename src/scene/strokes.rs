@@ -4,7 +4,7 @@ use super::changes::Changes;
 use super::report::{EditReport, Outcome};
 use super::{Scene, TissueId};
 use crate::geometry::room::rows_headroom;
-use crate::geometry::{Distinct, FaceId, Mesh, Part, PartsBefore, VertexId};
+use crate::geometry::{Distinct, FaceId, Part, PartsBefore, VertexId};
 use crate::surgery::{BladePose, Sampling};
 use crate::tissue::stroke::TearStroke;
 use crate::tissue::{Tissue, TissueDelta};
@@ -203,7 +203,7 @@ impl Before {
     /// ascending. Crumbs among them ([`Tissue::crumb_area`], which `shreds` is for) are dropped; the second is their surface, square metres.
     pub(super) fn new_components(&mut self, tissue: &mut Tissue, shreds: f64) -> (Vec<Vec<FaceId>>, f64) {
         let mut now = tissue.parts();
-        self.find_largest(tissue.mesh(), &now);
+        self.find_largest(tissue, &now);
         let Self { keep, crumbs, .. } = &mut *self;
         crumbs.clear();
         let mut dropped = 0.0;
@@ -218,7 +218,7 @@ impl Before {
             tissue.keep_parts(now);
             tissue.drop_crumbs(crumbs);
             now = tissue.parts();
-            self.find_largest(tissue.mesh(), &now);
+            self.find_largest(tissue, &now);
         }
         let keep = &self.keep;
         for (cavity, around) in tissue.severed_cavities(&now, keep) {
@@ -233,19 +233,31 @@ impl Before {
         (left, dropped)
     }
 
-    /// Sets `keep` to the largest part of each component there was.
-    fn find_largest(&mut self, mesh: &Mesh, now: &[Part]) {
+    /// Sets `keep` to the largest part of each component there was. What has walls alone is of none: it has come off, out of the inside,
+    /// unless it is a cavity.
+    fn find_largest(&mut self, tissue: &Tissue, now: &[Part]) {
         let Self { parts, largest, keep, .. } = self;
         largest.clear();
+        keep.clear();
         for (i, part) in now.iter().enumerate() {
-            let component = parts.of(mesh, part);
+            let component = parts.of(tissue.mesh(), part);
+            if component == u32::MAX && now.len() > 1 {
+                let measures = tissue.measure_part(part).measures;
+                if !measures.closed() || measures.volume <= 0.0 {
+                    keep.push(i);
+                }
+                continue;
+            }
             match largest.binary_search_by_key(&component, |l| l.0) {
                 Ok(k) if now[largest[k].1].faces < part.faces => largest[k].1 = i,
                 Ok(_) => {}
                 Err(k) => largest.insert(k, (component, i)),
             }
         }
-        keep.clear();
         keep.extend(largest.iter().map(|l| l.1));
+        // where no skin is left at all
+        if keep.is_empty() {
+            keep.extend((0..now.len()).max_by_key(|&i| now[i].faces));
+        }
     }
 }

@@ -363,3 +363,36 @@ proptest! {
         check_poses("sphere", 768, |bounds| cone([radius, depth, beyond, width], bounds))?;
     }
 }
+
+/// A block cut free all around inside a solid has no face of the skin it was cut from: walls alone. It comes off all the same. (Of such
+/// blocks the largest stayed, counted with the body.)
+#[test]
+fn what_has_walls_alone_comes_off_as_well() {
+    let (mut scene, _) = models::scene_of("sphere", 4_800, false);
+    scene.set_wall(WallMode::Closed);
+    let tissue = scene.tissues().next().unwrap().1;
+    let radius = tissue.diagonal() / 12.0f64.sqrt();
+    // four upright slots around the block, then one over it, which frees the lid, and one under it
+    let upright = |at: f64, along_x: bool| {
+        let place = |s: f64, z: f64| if along_x { DVec3::new(s, at, z) } else { DVec3::new(at, s, z) };
+        [-1.5, 1.5].map(|s| [place(s, -0.3), place(s, 1.5)])
+    };
+    let level = |z: f64| [-1.5, 1.5].map(|s| [DVec3::new(-0.4, s, z), DVec3::new(1.5, s, z)]);
+    let strokes = [upright(-0.3, true), upright(0.3, true), upright(-0.3, false), upright(0.3, false), level(0.4), level(-0.1)];
+    let mut outcomes = Vec::new();
+    for [from, to] in strokes {
+        scene.edit(EditCommand::StrokeBegin { width: 0.02 * radius });
+        for i in 0..=20 {
+            let t = f64::from(i) / 20.0;
+            let [tip, base] = [0, 1].map(|k| radius * from[k].lerp(to[k], t));
+            scene.edit(EditCommand::StrokePose(BladePose { t, tip, base }));
+        }
+        outcomes.extend(scene.edit(EditCommand::StrokeEnd).iter().map(|r| r.outcome));
+    }
+    assert_eq!(outcomes.last(), Some(&Outcome::Severed), "{outcomes:?}");
+    let of_walls_alone = |tissue: &Tissue| tissue.mesh().live_faces().all(|f| tissue.mesh().face_info(f).is_interior());
+    assert_eq!(scene.tissues().filter(|(_, tissue)| of_walls_alone(tissue)).count(), 1);
+    for (id, tissue) in scene.tissues() {
+        assert_eq!((tissue.component_faces().len(), tissue.validate()), (1, Ok(())), "{id:?}");
+    }
+}
