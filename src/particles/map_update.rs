@@ -306,7 +306,7 @@ impl Update<'_, '_> {
             let v = self.scratch.work[next];
             next += 1;
             let row = self.scratch.rows.open(v, self.map);
-            // so has one that has just become a lip: what it lost by lying beyond a strip before may be what is nearest to it
+            // a vertex that is a lip only now has the room of a new one: what it lost as it lay beyond a strip may be what is nearest
             let has_room = row.is_new() || row.len() >= limit && self.edit.lips.iter().any(|l| l.vertex == v);
             let limit = if has_room { limit + EXTRA_INFLUENCES / 2 } else { limit };
             if row.len() >= limit {

@@ -311,9 +311,9 @@ impl StripGeometry {
             // from either end.
             LipTest::Mirrored(mirrored) => self.side(t, x) != lip.known.side && line_meets(self.triangles[t], mirrored, x),
         });
-        // Where it lies beyond this strip as well, a link from there leads back, and tells nothing.
-        let from_its_side = |t: usize, from: DVec3| self.side(t, from) == lip.known.side && self.triangle_crosses(t, from, x);
-        crosses || lip.beside.is_some_and(|from| (0..2).any(|t| from_its_side(t, from)))
+        // Where `beside` lies beyond this strip as well, a link from there leads back, and tells nothing.
+        let leads_out = |t: usize, from: DVec3| self.side(t, from) == lip.known.side && self.triangle_crosses(t, from, x);
+        crosses || lip.beside.is_some_and(|from| (0..2).any(|t| leads_out(t, from)))
     }
 
     /// The mirror image, on `side`, of a lip that lies on the other side by more than rounding: its slit was cut in bent tissue. Where the

@@ -256,8 +256,9 @@ impl Before {
         }
         keep.extend(largest.iter().map(|l| l.1));
         // where no skin is left at all
-        if keep.is_empty() {
-            keep.extend((0..now.len()).max_by_key(|&i| now[i].faces));
+        if largest.is_empty() {
+            let body = (0..now.len()).filter(|i| !keep.contains(i)).max_by_key(|&i| now[i].faces);
+            keep.extend(body);
         }
     }
 }

@@ -49,12 +49,14 @@ impl Tissue {
             if !self.mesh.vertex_is_live(from.vertex) {
                 continue;
             }
-            let may_not_know = |v: &VertexId| (*v < first_new && !layer.strips.knows_side(strip, *v)) || closed.contains(v);
-            for v in self.mesh.neighbours(from.vertex).filter(may_not_know) {
+            let is_told = |v: VertexId| v >= first_new || layer.strips.knows_side(strip, v);
+            let goes_with = |v: VertexId| {
                 let (p, seen) = (self.rest[v.index()], seen(v));
-                let is_hidden = || at_rest.side_near(p) == -from.side || goes_along(p, seen, from.side);
-                let goes_with = closed.contains(&v) || is_hidden() && cut.side_over(seen) == from.side;
-                if goes_with && lips.iter().all(|l| l.vertex != v) {
+                let is_hidden = at_rest.side_near(p) == -from.side || goes_along(p, seen, from.side);
+                is_hidden && cut.side_over(seen) == from.side
+            };
+            for v in self.mesh.neighbours(from.vertex).filter(|v| closed.contains(v) || !is_told(*v) && goes_with(*v)) {
+                if lips.iter().all(|l| l.vertex != v) {
                     lips.push(LipVertex { vertex: v, ..from });
                 }
             }

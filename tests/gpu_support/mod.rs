@@ -16,6 +16,11 @@ pub fn context() -> Arc<Context> {
     open(false)
 }
 
+/// The same without what an adapter may lack: multiview, timestamps.
+pub fn plain_context() -> Arc<Context> {
+    open(true)
+}
+
 fn open(plain: bool) -> Arc<Context> {
     let open = |adapter| Context::headless(ContextOptions { adapter, plain });
     let context = match std::env::var_os("INCISE_TEST_GPU") {
@@ -23,11 +28,6 @@ fn open(plain: bool) -> Arc<Context> {
         _ => open(AdapterChoice::Software).or_else(|_| open(AdapterChoice::Best)),
     };
     Arc::new(context.expect("a graphics adapter"))
-}
-
-/// The same without what an adapter may lack: multiview, timestamps.
-pub fn plain_context() -> Arc<Context> {
-    open(true)
 }
 
 /// Two small layers to draw into, as a headset's are.
