@@ -64,6 +64,9 @@ pub struct StripJson {
     pub corners: [[f64; 3]; 4],
     /// The radius of influence `d` that the test extends it by: `d` above the base, `d / 4` below the tip.
     pub radius: f64,
+    /// What is tested: the extended corners' triangles `tip0, tip1, base1` and `tip0, base1, base0`, metres. Those of a strip that is not
+    /// flat at rest do not lie in the planes of [`StripJson::corners`].
+    pub tested: [[[f64; 3]; 3]; 2],
 }
 
 /// A lip vertex.
@@ -116,7 +119,12 @@ pub fn map_json(mesh: &Mesh, rest: &[DVec3], map: &ParticleMap, strips: &Strips,
         strips: strips
             .as_slice()
             .iter()
-            .map(|s| StripJson { corners: s.corners.map(|c| place(DVec3::from_array(c))), radius: s.reach })
+            .enumerate()
+            .map(|(s, strip)| StripJson {
+                corners: strip.corners.map(|c| place(DVec3::from_array(c))),
+                radius: strip.reach,
+                tested: strips.geometry(s).triangles.map(|t| t.map(place)),
+            })
             .collect(),
         lips: lips.collect(),
         vertices,
@@ -145,6 +153,7 @@ mod tests {
         assert_eq!(json["influences"].as_array().unwrap().len(), map.influences.len());
         assert_eq!(2 * json["neighbours"].as_array().unwrap().len(), map.neighbours.len());
         assert_eq!(json["strips"][0]["corners"][1], serde_json::json!([2.0, 2.0, 3.0]));
+        assert_eq!(json["strips"][0]["tested"][1][2], serde_json::json!([1.0, 2.0, 4.5]), "half a metre above the base");
         let first = &json["particles"][0];
         let vertex = first["vertex"].as_u64().unwrap() as usize;
         assert_eq!(vertex, anchors[0].index());
