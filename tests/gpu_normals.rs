@@ -123,7 +123,7 @@ fn gathered(mesh: &Mesh, w: WedgeId, positions: &[DVec3]) -> (DVec3, f64) {
 fn is_edited(tissue: &Tissue, w: WedgeId) -> bool {
     let (mesh, rows) = (tissue.mesh(), tissue.rows());
     let inserted = |f: FaceId| mesh.face(f).into_iter().any(|v| !rows.is_base(v));
-    around(mesh, w).map(HalfEdge::face).any(|f| !mesh.face_info(f).is_interior() && inserted(f))
+    around(mesh, w).map(HalfEdge::face).any(|f| !mesh.is_interior(f) && inserted(f))
 }
 
 /// How much wider than the shaders' SLIVER the faces of a wedge are at rest, slivers that normals are not told from.

@@ -239,7 +239,7 @@ fn a_cone_cut_out_of_a_beating_heart_stays_bounded() {
 /// Length of the lips, where skin meets walls, at rest, metres.
 fn lips(scene: &Scene) -> f64 {
     let (mesh, rows) = (only(scene).mesh(), only(scene).rows());
-    let is_wall = |h: HalfEdge| mesh.face_info(h.face()).is_interior();
+    let is_wall = |h: HalfEdge| mesh.is_interior(h.face());
     let edges = mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
     let lips = edges.filter(|&h| !is_wall(h) && mesh.opposite(h).is_some() && is_wall(mesh.opposite(h)));
     lips.map(|h| rows.rest(mesh.from(h)).distance(rows.rest(mesh.to(h)))).sum()

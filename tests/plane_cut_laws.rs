@@ -123,7 +123,7 @@ fn laws(before: &Solid, after: &Solid, plane: &Plane, outcome: &PlaneCutOutcome)
     if (volume - whole.volume).abs() > 1e-6 * scale.min(whole.area * diagonal) {
         return Err(format!("volumes {volume} of {}", whole.volume));
     }
-    let skin: f64 = after.mesh.live_faces().filter(|&f| !after.mesh.face_info(f).is_interior()).map(|f| after.face_area(f)).sum();
+    let skin: f64 = after.mesh.live_faces().filter(|&f| !after.mesh.is_interior(f)).map(|f| after.face_area(f)).sum();
     if (skin - whole.area).abs() > 1e-6 * whole.area {
         return Err(format!("areas {skin} of {}", whole.area));
     }

@@ -474,7 +474,7 @@ fn stroke(scene: &mut Scene, width: f64, begins: f64, blade: impl Fn(f64) -> [DV
 fn opened_lips(scene: &Scene) -> Vec<(VertexId, f64)> {
     let tissue = only(scene);
     let mesh = tissue.mesh();
-    let is_wall = |h: HalfEdge| mesh.face_info(h.face()).is_interior();
+    let is_wall = |h: HalfEdge| mesh.is_interior(h.face());
     let is_lip = |v: &VertexId| mesh.fan(*v).any(is_wall) && !mesh.fan(*v).all(is_wall);
     let in_middle = |v: &VertexId| tissue.rest_positions()[v.index()].x.abs() < 0.15;
     let lips = mesh.live_vertices().filter(is_lip).filter(in_middle);

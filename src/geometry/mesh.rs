@@ -181,6 +181,12 @@ impl Mesh {
         self.face_wedges[f.index()]
     }
 
+    /// True for a face of a cap or a wall: [`FaceInfo::is_interior`].
+    #[inline]
+    pub fn is_interior(&self, f: FaceId) -> bool {
+        self.face_info[f.index()].is_interior()
+    }
+
     /// Material, provenance and section of a face.
     #[inline]
     pub fn face_info(&self, f: FaceId) -> FaceInfo {

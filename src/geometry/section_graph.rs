@@ -101,7 +101,7 @@ impl PartsBefore {
         if self.of_section.is_empty() {
             return 0;
         }
-        let skin = |f: &FaceId| !mesh.face_info(*f).is_interior();
+        let skin = |f: &FaceId| !mesh.is_interior(*f);
         let by_origin = |f: FaceId| self.of_origin.get(&mesh.face_info(f).origin).copied().unwrap_or(u32::MAX);
         let by_section = |s: SectionId| self.of_section.get(s.index()).copied().filter(|&part| part != u32::MAX);
         let mut first = u32::MAX;

@@ -67,7 +67,7 @@ impl Deformed {
             let corners = view.mesh.face(f);
             moved |= corners.iter().any(|c| self.positions[c.index()][3] > 0.0);
             if view.mesh.wedge(view.mesh.face_wedges(f)[h.corner()]).group == wedge.group {
-                edited |= !view.mesh.face_info(f).is_interior() && corners.iter().any(|&c| !view.rows.is_base(c));
+                edited |= !view.mesh.is_interior(f) && corners.iter().any(|&c| !view.rows.is_base(c));
                 let area = |[a, b, c]: [DVec3; 3]| (b - a).cross(c - a);
                 now += area(corners.map(|c| self.exact[c.index()]));
                 let at_rest = corners.map(|c| view.rows.rest(c));
@@ -128,7 +128,7 @@ pub(super) fn is_lip(view: &TissueView<'_>, v: VertexId) -> bool {
     }
     let (mut skin, mut inside, mut open) = (false, false, false);
     for h in view.mesh.fan(v) {
-        let is_inside = view.mesh.face_info(h.face()).is_interior();
+        let is_inside = view.mesh.is_interior(h.face());
         (skin, inside) = (skin | !is_inside, inside | is_inside);
         open |= view.mesh.opposite(h).is_none() || view.mesh.opposite(h.prev()).is_none();
     }

@@ -62,7 +62,7 @@ fn heat_colour(heat: f64) -> [f32; 4] {
 /// Where wounds and cuts end: edges of the surface, or between skin and wall, with an end that an edit inserted.
 fn edges(tissue: &Tissue, lines: &mut Vec<LineSegment>) {
     let mesh = tissue.mesh();
-    let wall = |f: crate::geometry::FaceId| mesh.face_info(f).is_interior();
+    let wall = |f: crate::geometry::FaceId| mesh.is_interior(f);
     for f in mesh.live_faces().filter(|f| !wall(*f)) {
         for k in 0..3 {
             let h = crate::geometry::HalfEdge::of(f, k);

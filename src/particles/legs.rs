@@ -42,7 +42,7 @@ impl Leg {
         let down = if at_end { tip1 - base1 } else { tip0 - base0 }.normalize_or_zero();
         let outermost = if at_end { lips.1 } else { lips.0 };
         let near = NEAR * settings.wound.spacing / strips.stretch(k).1.max(f64::MIN_POSITIVE);
-        let is_skin = |h: &HalfEdge| !mesh.face_info(h.face()).is_interior();
+        let is_skin = |h: &HalfEdge| !mesh.is_interior(h.face());
         let is_near = |v: VertexId| {
             let p = rest[v.index()];
             mesh.vertex_is_live(v) && (share_along(strips, k, p) - outermost).abs() <= near && mesh.fan(v).any(|h| is_skin(&h))

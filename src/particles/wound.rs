@@ -84,7 +84,7 @@ fn displace(update: &mut Update<'_, '_>, opening: Opening) {
 /// side. Over a border, in an older wound, or where a model that moves has carried the blade back into its slit they do not.
 fn lips_meet(update: &mut Update<'_, '_>, (k, (first, last)): Stretch, at_end: bool, from: Option<VertexId>) -> bool {
     let Update { mesh, rest, strips, edit, scratch, settings, .. } = update;
-    let is_skin = |h: &HalfEdge| !mesh.face_info(h.face()).is_interior();
+    let is_skin = |h: &HalfEdge| !mesh.is_interior(h.face());
     let is_lip =
         |l: &&LipVertex| l.strip == k && l.side > 0 && mesh.vertex_is_live(l.vertex) && mesh.fan(l.vertex).any(|h| is_skin(&h));
     let lips = edit.lips.iter().filter(is_lip);

@@ -251,7 +251,7 @@ impl TearScratch {
         }
         let (v, at) = (self.slotted[slot], self.positions[slot]);
         let tagged = tags.binary_search_by_key(&v, |t| t.vertex).map_or(0, |i| tags[i].planes);
-        let is_wall = self.is_closed && mesh.fan(v).any(|h| mesh.face_info(h.face()).is_interior());
+        let is_wall = self.is_closed && mesh.fan(v).any(|h| mesh.is_interior(h.face()));
         for (k, plane) in body.planes.iter().enumerate() {
             let is_on = tagged >> k & 1 == 1
                 || is_wall && plane.distance(at).abs() <= self.grain && wall_within(mesh, v, plane, self.grain, position);
@@ -531,7 +531,7 @@ impl TearScratch {
         for &v in &out.touched {
             self.incident.extend(mesh.fan(v).map(HalfEdge::face));
         }
-        out.skin_cut = self.removed.iter().filter(|&&f| !mesh.face_info(f).is_interior()).count();
+        out.skin_cut = self.removed.iter().filter(|&&f| !mesh.is_interior(f)).count();
         mesh.replace_faces(&self.removed, &self.added, |_| 0, &mut self.topology);
         out.faces_removed = self.removed.len();
         out.added_faces.extend_from_slice(&self.topology.added);
@@ -539,7 +539,7 @@ impl TearScratch {
         if self.is_closed {
             self.lining.collect_rim(mesh, &out.added_faces);
             out.recut.iter_mut().zip(&out.added_faces).for_each(|(recut, &to)| recut.1 = to);
-            out.recut.retain(|recut| mesh.face_info(recut.1).is_interior());
+            out.recut.retain(|recut| mesh.is_interior(recut.1));
         }
         self.split.clear();
         self.vertices.clear();
@@ -571,7 +571,7 @@ impl TearScratch {
 
 /// True if a wall at `v`, and no mere sliver of one, lies in `plane` within the grain.
 fn wall_within(mesh: &Mesh, v: VertexId, plane: &Plane, grain: f64, position: &impl Fn(VertexId) -> DVec3) -> bool {
-    mesh.fan(v).filter(|h| mesh.face_info(h.face()).is_interior()).any(|h| {
+    mesh.fan(v).filter(|h| mesh.is_interior(h.face())).any(|h| {
         let [p, q, r] = mesh.face(h.face()).map(position);
         let longest = p.distance(q).max(q.distance(r)).max(r.distance(p));
         let height = (q - p).cross(r - p).length() / longest;

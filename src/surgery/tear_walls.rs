@@ -101,7 +101,7 @@ impl WallScratch {
     /// Before the faces are replaced: half-edges of faces that stay, along the hole.
     pub(super) fn note_surroundings(&mut self, mesh: &Mesh, removed: &[FaceId], spec: &WallSpec) {
         let is_old = |f: &FaceId| spec.remove.binary_search(f).is_err() && spec.keep.binary_search(f).is_err();
-        self.walls_cut = removed.iter().filter(|f| mesh.face_info(**f).is_interior() && is_old(f)).count();
+        self.walls_cut = removed.iter().filter(|f| mesh.is_interior(**f) && is_old(f)).count();
         for h in removed.iter().flat_map(|&f| (0..3).map(move |k| HalfEdge::of(f, k))) {
             let back = mesh.opposite(h);
             if back.is_some() && removed.binary_search(&back.face()).is_err() {
@@ -287,7 +287,7 @@ impl WallScratch {
     /// of the model's own surface, where there is any: from walls, bones would be handed on from box to box along the whole slit.
     fn nearest_rim(&self, mesh: &Mesh, p: DVec3) -> VertexId {
         let key = |i: usize| {
-            let is_wall = mesh.face_info(self.edges[i].open.face()).is_interior();
+            let is_wall = mesh.is_interior(self.edges[i].open.face());
             (is_wall, self.walls.points[i].1.distance_squared(p))
         };
         let rim = (0..self.edges.len()).map(|i| (key(i), i));

@@ -132,7 +132,7 @@ impl Thinner {
         if n < 3 {
             return false;
         }
-        let is_skin = |s: &Spoke| !mesh.face_info(s.edge.face()).is_interior();
+        let is_skin = |s: &Spoke| !mesh.is_interior(s.edge.face());
         let group = |s: &Spoke| match is_skin(s) {
             true => WedgeId::NONE,
             false => mesh.wedge(mesh.face_wedges(s.edge.face())[s.edge.corner()]).group,

@@ -169,7 +169,7 @@ impl Tissue {
         let groups = self.sections.groups().filter(|(_, bounds)| is_seen(*bounds));
         let sections = groups.flat_map(|(group, _)| group).filter(|&s| is_seen(self.sections.of(s)));
         let faces = sections.flat_map(|s| self.mesh.section_faces(SectionId::new(s)));
-        let is_skin = |f: &FaceId| !self.mesh.face_info(*f).is_interior();
+        let is_skin = |f: &FaceId| !self.mesh.is_interior(*f);
         let ending = |f: FaceId| {
             let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(known) else { return None };
             let corners = [a, b, c].map(|v| skins.of(self, v));

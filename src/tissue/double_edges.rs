@@ -62,7 +62,7 @@ impl Tissue {
     /// True if the faces on both sides are walls.
     fn is_of_walls(&self, h: HalfEdge) -> bool {
         let back = self.mesh.opposite(h);
-        back.is_some() && [h, back].iter().all(|h| self.mesh.face_info(h.face()).is_interior())
+        back.is_some() && [h, back].iter().all(|h| self.mesh.is_interior(h.face()))
     }
 
     /// Puts a vertex into the middle of an edge. False, with nothing changed, where that would not part anything.

@@ -36,7 +36,7 @@ impl Surface for Seen<'_> {
         let push = |by: &mut DVec3, normal: DVec3| *by += normal * (clearance - by.dot(normal)).max(0.0);
         let reach = width + near;
         for f in self.tissue.faces_where(move |low, high| segment_meets_box(tip, base, low - reach, high + reach)) {
-            if self.tissue.mesh.face_info(f).is_interior() {
+            if self.tissue.mesh.is_interior(f) {
                 continue;
             }
             let [a, b, c] = self.tissue.mesh.face(f).map(|v| self.positions.of(self.tissue, v));
@@ -128,7 +128,7 @@ pub(super) fn corners_inside(tissue: &Tissue, positions: &PositionCache, corners
         if a.min(b).min(c).cmpgt(high).any() || a.max(b).max(c).cmplt(low).any() {
             continue;
         }
-        let is_wall = tissue.mesh.face_info(f).is_interior();
+        let is_wall = tissue.mesh.is_interior(f);
         for (cover, &p) in cover.iter_mut().zip(corners) {
             if let Some((s, leaves)) = segment_crosses(p, centre, face)
                 && (s >= PULLED || !is_wall)

@@ -79,7 +79,7 @@ impl Tissue {
         let is_shred = if is_open {
             size < shreds || (size < SHRED_LENGTH * shreds && area < 0.5 * shreds * size)
         } else {
-            let is_wall = || faces().all(|f| self.mesh.face_info(f).is_interior());
+            let is_wall = || faces().all(|f| self.mesh.is_interior(f));
             (size < shreds && is_wall()) || (size < SHRED_LENGTH * shreds && thickness < SHRED_THICKNESS * shreds)
         };
         (is_tiny || is_flat || is_shred).then_some(area)

@@ -195,7 +195,7 @@ impl TearStroke {
                 continue;
             }
             to = to.filter(|lip| lip.1 <= share).or(Some((n, share)));
-            let faces = tissue.mesh.fan(n.vertex).map(|h| h.face()).filter(|f| !tissue.mesh.face_info(*f).is_interior());
+            let faces = tissue.mesh.fan(n.vertex).map(|h| h.face()).filter(|f| !tissue.mesh.is_interior(*f));
             if faces.flat_map(|f| tissue.mesh.face(f)).any(stands_before) {
                 return None;
             }
@@ -287,5 +287,5 @@ fn share_of_way([[tip, top], [next_tip, next_top]]: [[DVec3; 2]; 2], p: DVec3) -
 }
 
 fn is_skin(tissue: &Tissue, v: VertexId) -> bool {
-    tissue.mesh.fan(v).any(|h| !tissue.mesh.face_info(h.face()).is_interior())
+    tissue.mesh.fan(v).any(|h| !tissue.mesh.is_interior(h.face()))
 }

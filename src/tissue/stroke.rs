@@ -444,7 +444,7 @@ impl TearStroke {
     fn meets_old_walls(&self, tissue: &Tissue, planes: &BoxPlanes, before: &Ended) -> bool {
         let (outward, grain) = (planes.outward(), GRAIN * tissue.diagonal());
         let is_new = |f: FaceId| [&before.end_wall, &before.other_walls].iter().any(|walls| walls.binary_search(&f).is_ok());
-        let is_wall = |f: FaceId| tissue.mesh.is_live(f) && tissue.mesh.face_info(f).is_interior();
+        let is_wall = |f: FaceId| tissue.mesh.is_live(f) && tissue.mesh.is_interior(f);
         let is_apart = |f: FaceId| {
             let corners = tissue.mesh.face(f).map(|v| self.positions.of(tissue, v));
             outward.iter().any(|&(n, d)| corners.iter().all(|p| n.dot(*p) + d > grain))

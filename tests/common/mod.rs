@@ -128,5 +128,5 @@ pub fn border_loops(mesh: &Mesh) -> usize {
 
 /// True for a corner of walls and floors alone.
 pub fn is_deep(mesh: &Mesh, v: VertexId) -> bool {
-    mesh.fan(v).all(|h| mesh.face_info(h.face()).is_interior())
+    mesh.fan(v).all(|h| mesh.is_interior(h.face()))
 }

@@ -390,7 +390,7 @@ fn what_has_walls_alone_comes_off_as_well() {
         outcomes.extend(scene.edit(EditCommand::StrokeEnd).iter().map(|r| r.outcome));
     }
     assert_eq!(outcomes.last(), Some(&Outcome::Severed), "{outcomes:?}");
-    let of_walls_alone = |tissue: &Tissue| tissue.mesh().live_faces().all(|f| tissue.mesh().face_info(f).is_interior());
+    let of_walls_alone = |tissue: &Tissue| tissue.mesh().live_faces().all(|f| tissue.mesh().is_interior(f));
     assert_eq!(scene.tissues().filter(|(_, tissue)| of_walls_alone(tissue)).count(), 1);
     for (id, tissue) in scene.tissues() {
         assert_eq!((tissue.component_faces().len(), tissue.validate()), (1, Ok(())), "{id:?}");

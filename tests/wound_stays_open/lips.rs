@@ -8,7 +8,7 @@ pub fn strains_along_lips(tissue: &Tissue, first: usize) -> Vec<(VertexId, Verte
     let lip_of = |v: VertexId| strips.lip_sides(v).iter().find(|lip| lip.strip as usize >= first).map(|lip| lip.side);
     let moved = |v: VertexId| tissue.position(v) - rest[v.index()];
     let half_edges = mesh.live_faces().flat_map(|f| (0..3).map(move |k| HalfEdge::of(f, k)));
-    let of_skin = half_edges.filter(|h| !mesh.face_info(h.face()).is_interior()).map(|h| [mesh.from(h), mesh.to(h)]);
+    let of_skin = half_edges.filter(|h| !mesh.is_interior(h.face())).map(|h| [mesh.from(h), mesh.to(h)]);
     let along = of_skin.filter(|&[a, b]| lip_of(a).is_some() && lip_of(a) == lip_of(b));
     let strain = |a: VertexId, b: VertexId| moved(a).distance(moved(b)) / rest[a.index()].distance(rest[b.index()]);
     let strains: Vec<_> = along.map(|[a, b]| (a, b, strain(a, b))).collect();
@@ -45,7 +45,7 @@ fn lips_of_a_slit_that_bends_are_smooth() {
 /// Area of the skin that is turned over against how it lies at rest, square metres.
 fn folded_skin(tissue: &Tissue) -> f64 {
     let (mesh, rest) = (tissue.mesh(), tissue.rest_positions());
-    let skin = mesh.live_faces().filter(|f| !mesh.face_info(*f).is_interior());
+    let skin = mesh.live_faces().filter(|f| !mesh.is_interior(*f));
     let cross = |[p, q, r]: [DVec3; 3]| (q - p).cross(r - p);
     let areas = skin.map(|f| [mesh.face(f).map(|v| rest[v.index()]), mesh.face(f).map(|v| tissue.position(v))].map(cross));
     areas.filter(|[at_rest, seen]| at_rest.dot(*seen) < 0.0).map(|[_, seen]| 0.5 * seen.length()).sum()

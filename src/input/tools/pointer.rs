@@ -410,5 +410,5 @@ impl PointerTools {
 
 /// True for a face of the model as it was loaded, whole or clipped; false for walls, floors and caps.
 fn is_skin(hit: &Hit, scene: &Scene) -> bool {
-    scene.tissue(hit.tissue).is_some_and(|t| !t.mesh().face_info(hit.face).is_interior())
+    scene.tissue(hit.tissue).is_some_and(|t| !t.mesh().is_interior(hit.face))
 }
