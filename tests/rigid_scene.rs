@@ -504,3 +504,51 @@ proptest! {
 fn a_hull_is_made_of_vertices_that_there_are() {
     follow_edits(&[Step::Cut(0), Step::Tear(0.0), Step::Cut(1), Step::Undo, Step::Undo]).unwrap();
 }
+
+/// What a hand holds it goes on holding as it comes off, goes back and comes off again.
+#[test]
+fn a_hand_goes_on_holding_what_is_cut_off() {
+    let mut scene = falling("heart", 3000);
+    scene.set_animation(Some(0));
+    let mut clock = 0.0;
+    let mut run = |scene: &mut Scene, frames: usize, by: DVec3| {
+        for _ in 0..frames {
+            clock += STEP;
+            scene.pose(clock, clock);
+            scene.edit(EditCommand::GrabMove { id: 1, by });
+            scene.step(STEP);
+        }
+    };
+    let whole = bounds(&scene, TissueId(0));
+    let size = (whole.1 - whole.0).length();
+    let pulled = DVec3::new(0.0, 0.01, 0.0);
+    scene.edit(EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, 0.06, 0.0), radius: 0.25 * size });
+    run(&mut scene, 40, pulled);
+    scene.edit(cut(DVec3::new(-0.35, 1.0, 0.25).normalize(), 0.012));
+    let middle = |scene: &Scene, id: TissueId| {
+        let (low, high) = bounds(scene, id);
+        0.5 * (low + high)
+    };
+    for round in 0..2 {
+        let piece = loose_ids(&scene)[0];
+        let start = middle(&scene, piece);
+        run(&mut scene, 60, pulled);
+        let sunk = start.y - middle(&scene, piece).y;
+        assert!(sunk < 0.05 * size, "{round}: the hand holds it, {sunk}");
+        run(&mut scene, 90, pulled + 0.1 * DVec3::Y);
+        let raised = middle(&scene, piece).y - start.y;
+        assert!((raised - 0.1).abs() < 0.03, "{round}: {raised}");
+        run(&mut scene, 60, pulled);
+        // back in the whole the hand pulls as before
+        scene.edit(EditCommand::Undo);
+        run(&mut scene, 60, pulled);
+        let top = bounds(&scene, TissueId(0)).1.y - whole.1.y;
+        assert!(top > 0.004, "{round}: {top}");
+        scene.edit(EditCommand::Redo);
+    }
+    let piece = loose_ids(&scene)[0];
+    let start = middle(&scene, piece);
+    scene.edit(EditCommand::GrabEnd { id: 1 });
+    run(&mut scene, 90, pulled);
+    assert!(start.y - middle(&scene, piece).y > 0.05 * size, "let go, it falls");
+}

@@ -265,6 +265,7 @@ impl Scene {
         report: &mut EditReport,
     ) -> Vec<TissueId> {
         let mut made = Vec::new();
+        let held = self.held_before_parting(id);
         let Some(tissue) = self.tissues.get_mut(&id) else { return made };
         let known = deltas.len();
         let pieces = report.stages.time("pieces", || tissue.sever(&parts));
@@ -282,6 +283,7 @@ impl Scene {
             unit.changes.push(Change::Made(new, None));
             made.push(new);
         }
+        self.hold_pieces(id, &made, &held);
         self.pieces_came_off(id, &made);
         debug_assert!(self.validate().is_ok(), "{:?}", self.validate());
         made

@@ -1,7 +1,8 @@
 //! Direct displacement: particles inside a sphere follow the hand, the others follow them (the paper's Eq. 2, MATHS 3.4).
 
 use super::{Scene, TissueId};
-use crate::geometry::ParticleId;
+use crate::geometry::{ParticleId, VertexId};
+use crate::tissue::Tissue;
 use glam::DVec3;
 
 /// Hands that room is made for.
@@ -62,6 +63,33 @@ impl Grabs {
         self.at_work.is_empty()
     }
 
+    /// What hands hold of a tissue, and what it is anchored to there.
+    pub(super) fn anchors_in(&self, id: TissueId, tissue: &Tissue) -> Vec<(ParticleId, VertexId)> {
+        let Some(layer) = tissue.layer().filter(|_| !self.are_empty()) else { return Vec::new() };
+        let held = self.at_work.iter().flat_map(|grab| grab.particles_of(id));
+        held.map(|h| (h.particle, layer.map.anchors.get(h.particle.index()).copied().unwrap_or_default())).collect()
+    }
+
+    /// Hands keep the particles where they are whatever moves the tissue from now on.
+    fn keep_in_place(&mut self, id: TissueId, tissue: &Tissue) {
+        for grab in &mut self.at_work {
+            let by = grab.by;
+            let held = grab.held.iter_mut().filter(|h| h.tissue == id);
+            held.for_each(|h| h.place = tissue.particle_in_model(h.particle) - by);
+        }
+    }
+
+    /// Hands go on holding what they hold under another name, or let go of it.
+    fn rename(&mut self, new: impl Fn(&Held) -> Option<(TissueId, ParticleId)>) {
+        for grab in &mut self.at_work {
+            grab.held.retain_mut(|held| {
+                let now = new(held);
+                now.inspect(|&(tissue, particle)| (held.tissue, held.particle) = (tissue, particle)).is_some()
+            });
+            grab.held.sort_unstable_by_key(|h| (h.tissue, h.particle));
+        }
+    }
+
     /// All hands let go.
     pub(super) fn let_go(&mut self) {
         self.spare.append(&mut self.at_work);
@@ -97,6 +125,37 @@ impl Scene {
         for grab in self.grabs.at_work.iter_mut().filter(|g| g.id == id) {
             grab.by = by;
         }
+    }
+
+    /// What hands hold of a tissue, to be known before pieces come off it; those that are loose from then on stay in the hand.
+    pub(super) fn held_before_parting(&mut self, id: TissueId) -> Vec<(ParticleId, VertexId)> {
+        let Some(tissue) = self.tissues.get(&id).filter(|_| !self.grabs.are_empty()) else { return Vec::new() };
+        if self.rigid.body_of(id).is_none() {
+            self.grabs.keep_in_place(id, tissue);
+        }
+        self.grabs.anchors_in(id, tissue)
+    }
+
+    /// Hands go on holding in `pieces` what has come off `parent` with them; `held` is what [`Scene::held_before_parting`] told.
+    pub(super) fn hold_pieces(&mut self, parent: TissueId, pieces: &[TissueId], held: &[(ParticleId, VertexId)]) {
+        let Self { grabs, tissues, .. } = self;
+        let anchors = tissues.get(&parent).and_then(|t| t.layer()).map(|layer| &layer.map.anchors);
+        let Some(anchors) = anchors.filter(|_| !held.is_empty()) else { return };
+        grabs.rename(|h| {
+            let known = held.iter().find(|k| h.tissue == parent && k.0 == h.particle);
+            let Some(&(p, anchor)) = known.filter(|k| anchors.get(k.0.index()) != Some(&k.1)) else {
+                return Some((h.tissue, h.particle));
+            };
+            pieces.iter().find_map(|id| Some((*id, tissues.get(id)?.particle_that_was(p, anchor)?)))
+        });
+    }
+
+    /// Hands go on holding in `parent` what they held of a piece that has gone back into it.
+    pub(super) fn hold_parent(&mut self, parent: TissueId, id: TissueId, piece: &Tissue) {
+        self.grabs.rename(|h| match h.tissue == id {
+            true => Some((parent, piece.particle_before(h.particle)?)),
+            false => Some((h.tissue, h.particle)),
+        });
     }
 
     /// Lets go of particles that an undo has taken away, before others get their numbers.

@@ -15,9 +15,9 @@ pub(super) enum Change {
 
 impl Change {
     /// The piece that it holds.
-    fn piece(&self) -> Option<&Tissue> {
+    fn piece(&self) -> Option<(TissueId, &Tissue)> {
         match self {
-            Change::Made(_, piece) => piece.as_deref(),
+            Change::Made(id, piece) => Some((*id, piece.as_deref()?)),
             Change::Edited(..) => None,
         }
     }
@@ -171,17 +171,24 @@ impl Scene {
         let mut inverse = Unit::default();
         let mut bytes = 0;
         let (mut gone, mut back) = (Vec::new(), Vec::new());
+        let mut held = Vec::new();
         while let Some(change) = unit.changes.pop() {
             inverse.changes.push(match change {
                 Change::Edited(id, deltas) => {
+                    if unit.changes.last().is_some_and(|c| c.piece().is_some()) {
+                        held.push((id, back.len(), self.held_before_parting(id)));
+                    }
                     let Some(tissue) = self.tissues.get_mut(&id) else { continue };
                     // its pieces: those that have gone just now, and those to come next
-                    let gone = inverse.changes.iter().rev().map_while(Change::piece);
+                    let gone = inverse.changes.iter().rev().map_while(|change| Some(change.piece()?.1));
                     unit.changes.iter_mut().rev().map_while(Change::piece_mut).for_each(|piece| piece.come_off_again(tissue));
                     let deltas = tissue.travel(deltas, gone);
                     bytes += if self.measuring { upload_bytes(&deltas) } else { 0 };
                     self.rigid.rechoose_hull(id);
                     deltas.iter().for_each(|delta| self.changes.share(id, delta));
+                    for (piece_id, piece) in inverse.changes.iter().rev().map_while(Change::piece) {
+                        self.hold_parent(id, piece_id, piece);
+                    }
                     Change::Edited(id, deltas)
                 }
                 Change::Made(id, Some(tissue)) => {
@@ -197,6 +204,10 @@ impl Scene {
             });
         }
         self.history.travelled_bytes += bytes;
+        for (k, (parent, from, before)) in held.iter().enumerate() {
+            let to = held.get(k + 1).map_or(back.len(), |next| next.1);
+            self.hold_pieces(*parent, &back[*from..to], before);
+        }
         gone.into_iter().for_each(|id| self.piece_went_back(id));
         self.pieces_came_back(&back);
         self.prune_grabs();

@@ -115,8 +115,8 @@ pub struct Tissue {
     /// Rows that grew too long and became base vertices, so far.
     promoted_vertices: usize,
     tally: measure::Tally,
-    /// Of a piece: which vertex of the tissue that it came off each of its first vertices was.
-    came_from: Vec<VertexId>,
+    /// Of a piece: what it was in the tissue that it came off.
+    came_from: pieces::CameFrom,
 }
 
 /// All that final positions depend on, apart from the mesh.
@@ -325,7 +325,7 @@ impl Tissue {
             opening_s: settings.opening_s,
             promoted_vertices: 0,
             tally: measure::Tally::default(),
-            came_from: Vec::new(),
+            came_from: Default::default(),
         };
         tissue.build_sections();
         let (low, high) = tissue.bounds();

@@ -24,6 +24,15 @@ const SHRED_LENGTH: f64 = 8.0;
 const SHRED_THICKNESS: f64 = 0.05;
 /// Crumbs have no more faces than this.
 const MOST_CRUMB_FACES: usize = 64;
+/// What a piece was in the tissue that it came off.
+#[derive(Clone, Debug, Default)]
+pub(super) struct CameFrom {
+    /// Which vertex of that each of its first vertices was.
+    vertices: Vec<VertexId>,
+    /// Which particle of that each of its first particles was, ascending; then [`ParticleId::NONE`] for those that it got of its own.
+    particles: Vec<ParticleId>,
+}
+
 /// From this share of changed particles on, the network is cut out anew: one in so many.
 const MANY_CHANGED: usize = 8;
 
@@ -100,7 +109,20 @@ impl Tissue {
 
     /// Each of a piece's first vertices, with the one of the tissue it came off that it was.
     fn own_and_parents(&self) -> impl Iterator<Item = (VertexId, VertexId)> + '_ {
-        self.came_from.iter().enumerate().map(|(own, &parents)| (VertexId::new(own), parents))
+        self.came_from.vertices.iter().enumerate().map(|(own, &parents)| (VertexId::new(own), parents))
+    }
+
+    /// What a particle of the tissue that this piece came off is here, if what it was anchored to came along.
+    pub fn particle_that_was(&self, parents: ParticleId, anchor: VertexId) -> Option<ParticleId> {
+        let known = self.came_from.particles.partition_point(|p| p.is_some());
+        let own = self.came_from.particles[..known].binary_search(&parents).ok()?;
+        let at = self.layer.as_ref()?.map.anchors.get(own)?;
+        (self.came_from.vertices.get(at.index()) == Some(&anchor)).then(|| ParticleId::new(own))
+    }
+
+    /// What a particle of this piece was in the tissue that it came off.
+    pub fn particle_before(&self, own: ParticleId) -> Option<ParticleId> {
+        self.came_from.particles.get(own.index()).copied().filter(|p| p.is_some())
     }
 
     /// Where the vertices stand that came from the tissue this piece was severed from, by their numbers there.
@@ -141,7 +163,7 @@ impl Tissue {
             touch: Default::default(),
             tally: self.tally.extract(map, self.position_key()),
             forces: self.forces.fresh(),
-            came_from: map.vertex_from.clone(),
+            came_from: CameFrom { vertices: map.vertex_from.clone(), particles: Vec::new() },
             ..*self
         });
         if piece.mesh.sections() > SPARSE * (1 + faces.len() / self.section_faces.max(1)) {
@@ -149,8 +171,8 @@ impl Tissue {
             piece.tally = Default::default();
         }
         if let Some(layer) = &self.layer {
-            let (own, rows_before) = layer.extract(&piece, map, &self.rest, strips);
-            piece.layer = Some(own);
+            let (own, particles, rows_before) = layer.extract(&piece, map, &self.rest, strips);
+            (piece.layer, piece.came_from.particles) = (Some(own), particles);
             if layer.network.settings().rotations {
                 let stood = |v: VertexId| (v, self.position(map.vertex_from[v.index()]));
                 let targets: Vec<(VertexId, DVec3)> = piece.mesh.live_vertices().map(stood).collect();
@@ -215,14 +237,15 @@ fn springs(map: &ParticleMap, p: usize) -> impl Iterator<Item = (u32, f32)> + '_
 }
 
 impl SoftLayer {
-    /// The layer of a piece, with the displacements and velocities of its particles, and the rows of its vertices that changed.
+    /// The layer of a piece, with the displacements and velocities of its particles, what those were here, and the rows of its vertices
+    /// that changed.
     fn extract(
         &self,
         piece: &Tissue,
         map: &Extraction,
         rest: &[DVec3],
         strips: &Arc<StripsDerived>,
-    ) -> (SoftLayer, Vec<RowBefore>) {
+    ) -> (SoftLayer, Vec<ParticleId>, Vec<RowBefore>) {
         let mut strips = self.strips.extract(&map.vertex_from, strips);
         let vertices = (&map.vertex_from[..], &map.vertex_to[..]);
         let part = self.map.extract((&piece.mesh, &piece.rest, &strips), vertices, rest);
@@ -244,6 +267,6 @@ impl SoftLayer {
             truncation_error: self.truncation_error,
             particle_mass: self.particle_mass,
         };
-        (layer, part.rows_before)
+        (layer, part.from, part.rows_before)
     }
 }
