@@ -5,9 +5,10 @@ mod common;
 #[path = "wound_stays_open/lips.rs"]
 mod lips;
 
-use common::models::{heart, scene, users_scene};
+use common::models::{heart, scene, users_scene, users_scene_of};
 use common::open_half_edges;
 use glam::DVec3;
+use incise::formats::{self, Model};
 use incise::geometry::{HalfEdge, ParticleId, StateHash, VertexId};
 use incise::particles::ParticleMap;
 use incise::scene::{EditCommand, Scene};

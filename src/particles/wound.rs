@@ -20,6 +20,12 @@ use glam::DVec3;
 /// Vertices that are looked at between the two lips of a slit's end.
 const MOST_BETWEEN_LIPS: usize = 128;
 
+/// Sheets that get wound particles of their own where a blade passes through several: two walls of a hollow body, with two skins each.
+const MOST_SHEETS: usize = 4;
+
+/// Lips of one strip that are looked at between two of them.
+const MOST_LIPS_LOOKED_AT: usize = 64;
+
 /// A strip, and where its lips begin and end along it, [`share_along`].
 pub(super) type Stretch = (usize, (f64, f64));
 
@@ -118,21 +124,22 @@ fn lips_meet(update: &mut Update<'_, '_>, (k, (first, last)): Stretch, at_end: b
     false
 }
 
-/// Adds up to two particles, `room` at most, on one lip of strip `k`, whose [`stretch_of_lips`] is given: a blade that passes through a
-/// thin part leaves two lips on a side. Returns how many.
+/// Adds up to two particles, `room` at most, on one lip of strip `k`, whose [`stretch_of_lips`] is given, and one on each further sheet:
+/// a blade that passes through a thin part leaves two lips on a side, and each is drawn by its own. Returns how many.
 fn add_at(update: &mut Update<'_, '_>, (k, lips): Stretch, place: f64, side: i8, room: usize) -> usize {
     let along = |strips: &Strips, p: DVec3| {
         let t = (share_along(strips, k, p) - lips.0) / (lips.1 - lips.0).max(f64::MIN_POSITIVE);
         t.clamp(0.0, 1.0) * strips.stretch(k).1
     };
     let spacing = update.settings.wound.spacing;
-    let mut taken: [Option<VertexId>; 2] = [None; 2];
-    for i in 0..2.min(room) {
+    let mut taken = [VertexId::NONE; MOST_SHEETS];
+    for i in 0..MOST_SHEETS.min(room) {
         let mut best: Option<(f64, VertexId)> = None;
         for LipVertex { vertex, .. } in update.edit.lips.iter().filter(|l| l.strip == k && l.side.signum() == side) {
             let p = update.rest[vertex.index()];
             let off = (along(update.strips, p) - place).abs();
-            let is_apart = taken[0].is_none_or(|t| update.rest[t.index()].distance(p) > 1.5 * spacing);
+            let is_far = |t: &VertexId| i < 2 && update.rest[t.index()].distance(p) > 1.5 * spacing;
+            let is_apart = taken[..i].iter().all(|t| is_far(t) || is_beyond(update, k, *t, *vertex));
             let usable = off <= 0.5 * spacing && is_apart && update.mesh.vertex_is_live(*vertex);
             if usable && !update.is_anchor(*vertex) && best.is_none_or(|b| (off, *vertex) < b) {
                 best = Some((off, *vertex));
@@ -141,9 +148,42 @@ fn add_at(update: &mut Update<'_, '_>, (k, lips): Stretch, place: f64, side: i8,
         let Some((_, vertex)) = best else { return i };
         let at = along(update.strips, update.rest[vertex.index()]);
         add_marked(update, k, (vertex, side), at);
-        taken[i] = Some(vertex);
+        taken[i] = vertex;
     }
-    taken.iter().flatten().count()
+    taken.iter().filter(|t| t.is_some()).count()
+}
+
+/// True if lip `v` of strip `k` is on another sheet than lip `t`: farther along the blade than along the slit, and no chain of lips leads
+/// from the one to the other.
+fn is_beyond(update: &Update<'_, '_>, k: usize, t: VertexId, v: VertexId) -> bool {
+    let Update { mesh, rest, strips, .. } = update;
+    let [tip0, tip1, base1, base0] = strips.as_slice()[k].corners.map(DVec3::from_array);
+    let (up, way) = ((base0 - tip0 + base1 - tip1).normalize_or_zero(), rest[v.index()] - rest[t.index()]);
+    let height = way.dot(up).abs();
+    if 2.0 * height * height < way.length_squared() {
+        return false;
+    }
+    let side = |w: VertexId| strips.lip_sides(w).iter().find(|l| l.strip as usize == k).map(|l| l.side);
+    let own = side(t);
+    let mut reached = [VertexId::NONE; MOST_LIPS_LOOKED_AT];
+    reached[0] = t;
+    let (mut next, mut count) = (0, 1);
+    while next < count {
+        for w in mesh.neighbours(reached[next]) {
+            if w == v {
+                return false;
+            }
+            if side(w) == own && !reached[..count].contains(&w) {
+                if count == MOST_LIPS_LOOKED_AT {
+                    return false;
+                }
+                reached[count] = w;
+                count += 1;
+            }
+        }
+        next += 1;
+    }
+    true
 }
 
 /// Adds a wound particle on a lip of strip `k`, so many metres along it.

@@ -63,7 +63,11 @@ pub fn heart() -> Scene {
 
 /// A model with about `faces` faces and as many particles as a user's; its wounds open in so many seconds.
 pub fn users_scene(name: &str, faces: usize, opening_s: f64) -> Scene {
-    let model = model(name, faces);
+    users_scene_of(model(name, faces), opening_s)
+}
+
+/// [`users_scene`] of a model.
+pub fn users_scene_of(model: Model, opening_s: f64) -> Scene {
     let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
     let particles = ParticleSettings { seed: 1, ..ParticleSettings::for_count(&model.mesh, &rest, 200) };
     let settings = TissueSettings { particles: Some(particles), opening_s, ..settings(&model) };

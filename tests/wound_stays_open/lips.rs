@@ -124,3 +124,63 @@ fn changes_of_side(tissue: &Tissue) -> usize {
     let of_borders = half_edges.filter(|h| mesh.opposite(*h).is_none()).map(|h| [mesh.from(h), mesh.to(h)].map(side));
     of_borders.filter(|[a, b]| a.is_some() && b.is_some() && a != b).count()
 }
+
+/// A plate of 1.2 by 0.9 metres, `thick` along z, of squares.
+fn plate(thick: f64) -> Model {
+    let (columns, rows) = (72, 54);
+    let at = |x: usize, y: usize, z: f64| {
+        let share = |k: usize, of: usize| k as f64 / of as f64 - 0.5;
+        format!("v {} {} {}\n", 1.2 * share(x, columns), 0.9 * share(y, rows), z)
+    };
+    let grid = || (0..=rows).flat_map(|y| (0..=columns).map(move |x| (x, y)));
+    let skin = |z: f64| grid().map(move |(x, y)| at(x, y, z)).collect::<String>();
+    let upper = |x: usize, y: usize| y * (columns + 1) + x + 1;
+    let below = (rows + 1) * (columns + 1);
+    let mut text = skin(0.5 * thick) + &skin(-0.5 * thick);
+    let mut quad = |[a, b, c, d]: [usize; 4]| text += &format!("f {a} {b} {c}\nf {a} {c} {d}\n");
+    for (x, y) in grid().filter(|&(x, y)| x < columns && y < rows) {
+        let corners = [upper(x, y), upper(x + 1, y), upper(x + 1, y + 1), upper(x, y + 1)];
+        quad(corners);
+        quad([3, 2, 1, 0].map(|k| corners[k] + below));
+    }
+    let mut side = |a: usize, b: usize| quad([b, a, a + below, b + below]);
+    (0..columns).for_each(|x| side(upper(x, 0), upper(x + 1, 0)));
+    (0..columns).for_each(|x| side(upper(x + 1, rows), upper(x, rows)));
+    (0..rows).for_each(|y| side(upper(0, y + 1), upper(0, y)));
+    (0..rows).for_each(|y| side(upper(columns, y), upper(columns, y + 1)));
+    let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
+    std::fs::write(file.path(), text).unwrap();
+    formats::load(file.path().to_str().unwrap()).unwrap()
+}
+
+/// A blade through a plate leaves two lips on each side, one above the other, and all four open: wound particles on the one were too near
+/// for the other to get any. The plate is thinner than they are apart, or thicker.
+#[test]
+fn both_skins_of_a_plate_open() {
+    for thick in [0.003, 0.01, 0.06] {
+        let model = plate(thick);
+        assert_eq!(model.mesh.live_faces().count(), 4 * 72 * 54 + 4 * (72 + 54));
+        let mut scene = users_scene_of(model, 0.3);
+        stroke(&mut scene, 0.002, 0.0, |x| [DVec3::new(x, 0.004, -0.1), DVec3::new(x, 0.004, 0.5)]);
+        let tissue = only(&scene);
+        let rest = tissue.rest_positions();
+        let open = |v: VertexId| (tissue.position(v) - rest[v.index()]).y;
+        let lips = |above: bool, beyond: bool, from: f64, to: f64| {
+            let is_one = |v: &VertexId| {
+                let p = rest[v.index()];
+                (p.z > 0.0) == above && (p.y > 0.004) == beyond && (p.y - 0.004).abs() < 0.0011 && (from..to).contains(&p.x)
+            };
+            let opened: Vec<f64> = tissue.mesh().live_vertices().filter(is_one).map(open).collect();
+            assert!(!opened.is_empty(), "{thick} {above} {beyond} {from}");
+            opened.iter().sum::<f64>() / opened.len() as f64
+        };
+        for beyond in [false, true] {
+            for k in -4..4 {
+                let (from, to) = (0.05 * f64::from(k), 0.05 * f64::from(k + 1));
+                let [upper, lower] = [true, false].map(|above| lips(above, beyond, from, to));
+                let (sum, off) = (upper + lower, (upper - lower).abs());
+                assert!(off < 0.2 * sum.abs() && (sum > 0.0) == beyond && sum.abs() > 0.01, "{thick} {from}: {upper} {lower}");
+            }
+        }
+    }
+}
