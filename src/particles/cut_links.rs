@@ -9,7 +9,6 @@ use super::strip_test::StripGeometry;
 use crate::geometry::room::fit;
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
-use std::ops::Range;
 
 /// Outcodes of particles to one strip, in an array that is clean between uses.
 #[derive(Clone, Debug, Default)]
@@ -59,15 +58,16 @@ impl Codes {
 }
 
 impl Update<'_, '_> {
-    /// The new strips, as far as they exist.
-    fn new_strips(&self) -> Range<usize> {
+    /// The strips to test links against, as far as they exist.
+    pub(super) fn tested_strips(&self) -> impl Iterator<Item = usize> + use<> {
         let last = self.strips.len();
-        self.edit.new_strips.start.min(last)..self.edit.new_strips.end.min(last)
+        let new = self.edit.new_strips.start.min(last)..self.edit.new_strips.end.min(last);
+        self.edit.goes_on_from.filter(|&k| k < new.start).into_iter().chain(new)
     }
 
     /// Influences of old vertices and neighbour links that cross a new strip.
     pub(super) fn cut_links(&mut self) {
-        for k in self.new_strips() {
+        for k in self.tested_strips() {
             self.cut_behind_strip(k);
             self.cut_unshadowed(k);
             self.cut_neighbours(k);

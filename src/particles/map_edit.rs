@@ -35,6 +35,9 @@ pub struct MapEdit<'a> {
     pub removed_vertices: &'a [VertexId],
     /// Strips that the edit made, already pushed to [`super::Strips`].
     pub new_strips: Range<usize>,
+    /// The strip that the first of them goes on from, if vertices where they meet know their side of it only now: links are tested against
+    /// that one, too.
+    pub goes_on_from: Option<usize>,
     /// Vertices on the lips of the new strips, those of both triangulation passes.
     pub lips: &'a [LipVertex],
 }

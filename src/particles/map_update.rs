@@ -219,7 +219,7 @@ impl Update<'_, '_> {
     fn bounds(&self) -> Option<(DVec3, DVec3)> {
         let mut bounds = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let mut grow = |low: DVec3, high: DVec3| bounds = (bounds.0.min(low), bounds.1.max(high));
-        for k in self.edit.new_strips.clone().filter(|&k| k < self.strips.len()) {
+        for k in self.tested_strips() {
             let strip = self.strips.geometry(k);
             grow(strip.low - strip.margin, strip.high + strip.margin);
         }

@@ -45,6 +45,7 @@ impl Patient {
             new_vertices: &wound.new,
             removed_vertices: &wound.removed,
             new_strips: wound.strips.clone(),
+            goes_on_from: None,
             lips: &wound.lips,
         };
         let Self { mesh, rest, map, strips, settings, scratch } = self;

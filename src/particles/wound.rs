@@ -49,8 +49,7 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
     if wound.gap <= 0.0 || strips.is_empty() || strips.end > update.strips.len() {
         return;
     }
-    // strips of slits that it goes on from are only new to the tests of links: those slits stand open as they are
-    let mut k = strips.start.max(update.strips.slit_start(strips.end - 1));
+    let mut k = strips.start;
     while k < strips.end {
         let start = update.strips.slit_start(k);
         let mut offset = update.strips.stretch(k).0;

@@ -83,7 +83,7 @@ impl Tissue {
         self.mesh.replace_faces(&[h.face(), back.face()], faces.as_flattened(), |_| 0, topology);
         let new = [NewVertex::on_edge(middle, [(u, p), (v, q)], 0.5)];
         self.add_vertices(&new);
-        let report = self.update_map(&new, &[], 0..0, &[]);
+        let report = self.update_map(&new, &[], (0..0, None), &[]);
         self.scratch.update.reuse(report);
         self.versions.structure += 1;
         true

@@ -132,7 +132,7 @@ impl Tissue {
             all_held = update_after_plane_cut(rest, map, strips, made, on_positive_side, settings, &mut scratch.plane_update);
         }
         if !all_held {
-            let report = self.update_map(new, &[], 0..0, &[]);
+            let report = self.update_map(new, &[], (0..0, None), &[]);
             self.scratch.update.reuse(report);
         } else if still {
             // what was promoted has a rest position of its own, rounded; all others stand on the plane by their rows
@@ -178,12 +178,13 @@ impl Tissue {
     }
 
     /// Brings the particle map up to date after an edit and holds every vertex it concerns where it was: inserted ones on
-    /// the cut edge, others at their own place. `removed` lists vertices that no face uses any more. `strips` are new ones, already pushed; `lips` their lip sides.
+    /// the cut edge, others at their own place. `removed` lists vertices that no face uses any more. `strips` are new ones, already pushed, and the
+    /// one that they go on from; `lips` are their lip sides.
     pub(super) fn update_map(
         &mut self,
         new: &[NewVertex],
         removed: &[VertexId],
-        strips: Range<usize>,
+        (strips, goes_on_from): (Range<usize>, Option<usize>),
         lips: &[LipVertex],
     ) -> MapUpdateReport {
         let Some(layer) = &mut self.layer else {
@@ -197,7 +198,7 @@ impl Tissue {
         let vertices = &mut self.scratch.new_vertices;
         vertices.clear();
         vertices.extend(new.iter().map(made));
-        let edit = MapEdit { new_vertices: vertices, removed_vertices: removed, new_strips: strips, lips };
+        let edit = MapEdit { new_vertices: vertices, removed_vertices: removed, new_strips: strips, goes_on_from, lips };
         let old_len = layer.map.influences.rows();
         let scratch = &mut self.scratch.update;
         let report =

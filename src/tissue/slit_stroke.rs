@@ -151,6 +151,9 @@ impl TearStroke {
     /// the slit before is left by the blade.
     pub(super) fn begin_slit(&mut self, tissue: &mut Tissue, goes_on: bool) {
         let next = tissue.layer.as_ref().map_or(0, |l| l.strips.next_slit());
+        if !goes_on {
+            self.nicked.clear();
+        }
         if !goes_on && next > self.slit && self.stroke.builder().is_alone() {
             let report = tissue.release_slit();
             self.positions.edited(tissue, report.vertices_changed.iter().copied());
@@ -273,11 +276,11 @@ pub(in crate::tissue) fn bind_slit(
         tissue.list_lips((strip, cut), beside, false, |v| tissue.position(v), lips);
     }
     let update = stages.time("update_particles", || {
-        // vertices at the joint have sides only now: links that reach them are tested against the strip before, too
-        let last = |s: usize| before.unwrap_or(s).min(s.saturating_sub(1));
-        let first = |s: usize| if step.tags.iter().any(|t| t.lines & line::START != 0) { last(s) } else { s };
-        let strips = strip.map_or(0..0, |s| first(s)..s + 1);
-        tissue.update_map(&step.new_vertices, &[], strips, lips)
+        let strips = strip.map_or(0..0, |s| s..s + 1);
+        // vertices at the joint have sides only now
+        let has_joint = step.tags.iter().any(|t| t.lines & line::START != 0);
+        let goes_on_from = strip.filter(|_| has_joint).and_then(|s| before.or(s.checked_sub(1)));
+        tissue.update_map(&step.new_vertices, &[], (strips, goes_on_from), lips)
     });
     tissue.versions.structure += 1;
     (update, strip)

@@ -18,6 +18,10 @@ const IN_WOUND: f64 = 0.1;
 /// Where the tissue at both ends of a box has moved apart by more than this share of the box's way, the blade may have crossed a gap.
 const APART: f64 = 0.25;
 
+/// A part of a strip that is shorter than this share of its box's way, as it was seen or at rest, is none: a box that nicks the lip of an
+/// open wound goes no way in tissue, its ends are carried to rest by other vertices, and a strip without length faces anywhere.
+const LEAST_PART: f64 = 0.1;
+
 /// A stretch of a box's strip on whose way the blade crossed no gap.
 #[derive(Clone, Copy)]
 pub(super) struct StripPart {
@@ -61,6 +65,14 @@ impl StripPart {
         let [tip, top] = [0, 1].map(|k| self.blades[0][k].lerp(self.blades[1][k], share.clamp(0.0, 1.0)));
         let blade = [tip, tip.lerp(top, height)];
         (blade, blade.map(tissue.rest_frame(lip.vertex, lip.position)))
+    }
+
+    /// Whether it is too short for a strip; `blades` are those at both ends of its box.
+    pub(super) fn is_nick(&self, blades: [[DVec3; 2]; 2]) -> bool {
+        let way = |[from, to]: [[DVec3; 2]; 2]| (0..2).map(|k| from[k].distance(to[k])).fold(0.0, f64::max);
+        let whole = way(blades);
+        let seen = way(self.blades);
+        seen < (1.0 - 1e-9) * whole && seen.min(way(self.at_rest)) < LEAST_PART * whole
     }
 
     /// Whether a lip that is seen at `p` is one of its.
@@ -243,24 +255,29 @@ impl TearStroke {
         StripPart { blades: [since.blades[0], part.blades[1]], at_rest: [since.at_rest[0], part.at_rest[1]], ..whole }
     }
 
-    /// The new strip of a part of the box's, and what that does to the particle map. What the box has made and removed comes with its first part.
+    /// The new strip of a part of the box's, unless it is a nick, and what that does to the particle map. What the box has made and removed
+    /// comes with its first part. Lips of a nick are lips of the strip that goes on from it.
     pub(super) fn bind_strip(
         &mut self,
         tissue: &mut Tissue,
-        (part, is_first): (&StripPart, bool),
+        (part, is_first, is_nick): (&StripPart, bool, bool),
         reach: f64,
         report: &mut SegmentReport,
     ) {
         let strip = report.stages.time("disconnect_particles", || {
-            let layer = tissue.layer.as_mut()?;
+            let layer = tissue.layer.as_mut().filter(|_| !is_nick)?;
             let [start, end] = part.at_rest;
             let corners = [start[0], end[0], end[1], start[1]];
             layer.strips.push_strip(corners, reach, self.slit, self.step.skin_cut == 0).ok()
         });
         let (mut lips, mut removed) = (std::mem::take(&mut self.lips), std::mem::take(&mut self.removed));
         lips.clear();
-        if let Some(strip) = strip {
-            let points = self.step.lips.iter().filter(|l| part.holds(|| self.seen(tissue, l.vertex))).copied();
+        let mut nicked = std::mem::take(&mut self.nicked);
+        let points = self.step.lips.iter().filter(|l| part.holds(|| self.seen(tissue, l.vertex))).copied();
+        if is_nick {
+            nicked.extend(points);
+        } else if let Some(strip) = strip {
+            let points = points.chain(nicked.drain(..));
             let seen = |v| self.positions.of(tissue, v);
             tissue.list_lips((strip, part.blades), (points, &self.step.new_vertices, &[]), true, seen, &mut lips);
         }
@@ -269,9 +286,9 @@ impl TearStroke {
         removed.extend(self.step.touched.iter().filter(|&&v| is_first && !tissue.mesh.vertex_is_live(v)));
         let update = report.stages.time("update_particles", || {
             let strips = strip.map_or(0..0, |s| s..s + 1);
-            tissue.update_map(made, &removed, strips, &lips)
+            tissue.update_map(made, &removed, (strips, None), &lips)
         });
-        (self.lips, self.removed) = (lips, removed);
+        (self.lips, self.removed, self.nicked) = (lips, removed, nicked);
         let made = self.step.new_vertices.iter().map(|n| n.vertex);
         self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
         report.wound_particles += update.particles_added.len();

@@ -20,7 +20,7 @@ use super::positions::PositionCache;
 use super::{Tissue, TissueDelta};
 use crate::geometry::{Distinct, FaceId, Plane, VertexId};
 use crate::particles::LipVertex;
-use crate::surgery::tear::{Body, OnPlanes, TearScratch, TearStep, tear_step};
+use crate::surgery::tear::{Body, LipPoint, OnPlanes, TearScratch, TearStep, tear_step};
 use crate::surgery::tear_walls::WallSpec;
 use crate::surgery::{BladePose, JointId, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
 use box_planes::BoxPlanes;
@@ -132,6 +132,8 @@ pub struct TearStroke {
     /// Faces of the loaded model that what a box leaves of the skin around it comes from.
     origins: Vec<u32>,
     lips: Vec<LipVertex>,
+    /// Lips of the slit's nicks since its last strip.
+    nicked: Vec<LipPoint>,
     removed: Vec<VertexId>,
     /// The tissue has moved a pending quad.
     has_moved: bool,
@@ -174,6 +176,7 @@ impl TearStroke {
             made: Vec::new(),
             origins: Vec::new(),
             lips: Vec::new(),
+            nicked: Vec::new(),
             removed: Vec::new(),
             has_moved: false,
             wall: WallMode::Open,
@@ -192,6 +195,7 @@ impl TearStroke {
         self.boxes.clear();
         self.reports.clear();
         self.ties.clear();
+        self.nicked.clear();
         self.pose_tie = None;
         self.deltas.clear();
         self.positions.forget();
@@ -537,7 +541,8 @@ impl TearStroke {
             if part.is_apart {
                 self.begin_slit(tissue, false);
             }
-            self.bind_strip(tissue, (part, i == 0), reach, report);
+            let is_nick = part.is_nick(tear_box.blades);
+            self.bind_strip(tissue, (part, i == 0, is_nick), reach, report);
         }
         let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
         report.wall_deviation = corners.map(|n| tissue.faded(n.vertex).length()).fold(0.0, f64::max);

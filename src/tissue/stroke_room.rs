@@ -17,7 +17,7 @@ impl TearStroke {
     /// [`TearStroke::new`] with room for a usual stroke, to be taken up by [`TearStroke::again`].
     pub fn with_room(tissue: &Tissue, sampling: Sampling) -> Self {
         let mut stroke = Self::new(tissue, 0.0, sampling);
-        let Self { candidates, near, nearby, made, origins, removed, joined, tags, lips, .. } = &mut stroke;
+        let Self { candidates, near, nearby, made, origins, removed, joined, tags, lips, nicked, .. } = &mut stroke;
         candidates.reserve(4 * SEGMENT_ROOM);
         for list in [near, nearby, removed] {
             list.reserve(SEGMENT_ROOM);
@@ -27,6 +27,7 @@ impl TearStroke {
         joined.reserve(SEGMENTS * 16);
         tags.reserve(SEGMENT_ROOM);
         lips.reserve(SEGMENT_ROOM);
+        nicked.reserve(SEGMENT_ROOM);
         stroke.ended.reserve(ENDS_KEPT);
         stroke.spare_ended.resize_with(ENDS_KEPT + 2, Ended::with_room);
         stroke.segments.reserve(16);
