@@ -43,6 +43,8 @@ pub struct Leaf {
     /// A vertex this near to the plane counts as on it, metres; 0: only one that lies on it exactly. It is not moved: the
     /// cut runs through it instead of past it.
     pub tolerance: f64,
+    /// The tolerance that it was made with: slivers are as thin as so many of that, whatever else counts as on the plane.
+    pub grain: f64,
     /// Bounds, padded by rounding.
     pub min: DVec3,
     /// Bounds, padded by rounding.
@@ -67,6 +69,7 @@ impl Leaf {
             bounds: SmallVec::new(),
             lines: 0,
             tolerance: 0.0,
+            grain: 0.0,
             min: corners.iter().copied().reduce(DVec3::min)?,
             max: corners.iter().copied().reduce(DVec3::max)?,
         };
@@ -116,7 +119,7 @@ impl Leaf {
         if plane_side(&[c[0], c[1], c[2]], c[3]) == 0.0
             && let Some(leaf) = Self::new(&c, &[None, end(1), None, end(0)])
         {
-            return smallvec![Self { tolerance, ..leaf }];
+            return smallvec![Self { tolerance, grain: tolerance, ..leaf }];
         }
         let across = |t: [usize; 3]| (c[t[1]] - c[t[0]]).cross(c[t[2]] - c[t[0]]).normalize_or_zero();
         let normal = across([0, 1, 2]) + across([0, 2, 3]);
@@ -124,7 +127,16 @@ impl Leaf {
         let diagonal = Some((diagonal, line::DIAGONAL));
         let first = Self::new(&[c[0], c[2], c[3]], &[diagonal, None, end(0)]);
         let second = Self::new(&[c[0], c[1], c[2]], &[None, end(1), diagonal]);
-        first.into_iter().chain(second).map(|leaf| Self { tolerance, ..leaf }).collect()
+        first.into_iter().chain(second).map(|leaf| Self { tolerance, grain: tolerance, ..leaf }).collect()
+    }
+
+    /// Counts vertices as on the plane that are so near to it, metres, if that is more than before.
+    pub fn tolerate(&mut self, tolerance: f64) {
+        if tolerance > self.tolerance {
+            // a leaf runs along edges beside it
+            let pad = DVec3::splat(tolerance);
+            (self.tolerance, self.min, self.max) = (tolerance, self.min - pad, self.max + pad);
+        }
     }
 
     /// Value of the leaf's plane at a vertex, 0 within the tolerance.
@@ -141,7 +153,7 @@ impl Leaf {
     /// A leaf that nothing bounds, for crossings that are told: its plane means nothing.
     pub(super) fn unbounded() -> Self {
         let plane = Plane::Points([DVec3::ZERO, DVec3::X, DVec3::Y]);
-        Self { plane, bounds: SmallVec::new(), lines: 0, tolerance: 0.0, min: DVec3::ZERO, max: DVec3::ZERO }
+        Self { plane, bounds: SmallVec::new(), lines: 0, tolerance: 0.0, grain: 0.0, min: DVec3::ZERO, max: DVec3::ZERO }
     }
 }
 

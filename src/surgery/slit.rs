@@ -144,7 +144,7 @@ pub struct SlitScratch {
     ways: slit_way::Ways,
 }
 
-/// How thin a sliver is, in tolerances of a leaf.
+/// How thin a sliver is, in grains of a leaf.
 const SLIVER: f64 = 100.0;
 
 /// Where a leaf meets more slivers than this, those are not cut: a blade whose tip goes along in the skin
@@ -301,7 +301,7 @@ impl SlitScratch {
             let corners = slots.map(|s| self.positions[s]);
             let (low, high) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
             if !(low.cmpgt(leaf.max).any() || high.cmplt(leaf.min).any()) {
-                let is_sliver = is_thinner(corners, SLIVER * leaf.tolerance);
+                let is_sliver = is_thinner(corners, SLIVER * leaf.grain);
                 slivers += usize::from(is_sliver);
                 reached.push((face, is_sliver));
             }

@@ -20,8 +20,14 @@ const SAME_LINE: f64 = 1e-9;
 /// A vertex this near to a strip is cut through, as a fraction of the diagonal: a few steps of the grid of the blades.
 const ON_PLANE: f64 = 1e-11;
 
-/// An end of a strip that is farther from its last blade, as a fraction of the diagonal, is none: many roundings of a position.
-const OFF_LINE: f64 = 1e-5;
+/// The same where the tissue has stirred since the strip before ended, by no more than that: its own wound, opening, moves it by so much.
+/// Beside an edge there is no telling on which side of it the blade is, and a cut there leaves slivers that fold over as the wound opens
+/// on: the next strip met those in several sheets, and bands of skin were left across the slit.
+const STIRRED: f64 = 3e-4;
+
+/// An end of a strip that is farther from its last blade, as a fraction of the diagonal, is none: a strip may run through a vertex that is
+/// [`STIRRED`] off it, and then many roundings of a position.
+const OFF_LINE: f64 = STIRRED + 1e-5;
 
 /// Ends that have come further apart over the skin, as a fraction of the diagonal, are left apart: tissue that jumps is not cut along its way.
 const MOST_JOINED: f64 = 0.02;
@@ -116,6 +122,14 @@ impl SlitState {
         self.ended.iter().rev().find(follows)
     }
 
+    /// How near a vertex is cut through, metres.
+    fn nearness(&self, slit: &Slit, diagonal: f64) -> f64 {
+        let before = self.ended.iter().rev().find(|e| e.joint == slit.joints[0]);
+        let carried = |e: &Ended| e.blade[0].distance(slit.corners[0]).max(e.blade[1].distance(slit.corners[3]));
+        let has_stirred = before.map(carried).is_some_and(|way| way > 0.0 && way <= STIRRED * diagonal);
+        diagonal * if has_stirred { STIRRED } else { ON_PLANE }
+    }
+
     /// The end of the last slit, nearest to the handle, if that ends in this blade (tip, top).
     pub(super) fn end_on(&self, tissue: &Tissue, blade: [DVec3; 2]) -> Option<VertexId> {
         let slack = SAME_LINE * tissue.diagonal();
@@ -168,9 +182,11 @@ impl TearStroke {
         let before = self.slits.starts(slit, tissue.diagonal(), &mut starts);
         let (joint, before) = (before.map(|e| e.at_rest), before.and_then(|e| e.strip));
         self.begin_slit(tissue, joint.is_some());
-        let leaves = Leaf::of_slit(slit, ON_PLANE * tissue.diagonal());
+        let near = self.slits.nearness(slit, tissue.diagonal());
+        let mut leaves = Leaf::of_slit(slit, ON_PLANE * tissue.diagonal());
+        leaves.iter_mut().for_each(|leaf| leaf.tolerate(near));
         let c = slit.corners;
-        let margin = DVec3::splat(1e-9 * tissue.diagonal());
+        let margin = DVec3::splat(near.max(1e-9 * tissue.diagonal()));
         let (low, high) = (c.into_iter().fold(c[0], DVec3::min) - margin, c.into_iter().fold(c[0], DVec3::max) + margin);
         let (hit, [start, end]) = report.stages.time("perform_tear", || {
             tissue.faces_near(low, high, &mut self.candidates);

@@ -1,6 +1,8 @@
 //! Lips of slits that bend, and of those without width.
 
 use super::*;
+use crate::common::models::users_scene_of;
+use crate::common::{Solid, border_loops};
 
 /// Edges of the skin between lips on one side of strips from `first` on: by how much more than their length their ends have moved apart.
 pub fn strains_along_lips(tissue: &Tissue, first: usize) -> Vec<(VertexId, VertexId, f64)> {
@@ -212,4 +214,46 @@ fn lip_openings(scene: &Scene) -> impl Iterator<Item = (VertexId, f64)> + '_ {
     let in_arm = |v: &VertexId| rest[v.index()].x.abs() > 0.08;
     let lips = tissue.mesh().live_vertices().filter(is_lip).filter(in_arm);
     lips.map(|v| (v, (tissue.position(v) - rest[v.index()]).y.abs()))
+}
+
+/// A slit along edges of the model, or beside them by less than its own wound stirs the skin as it opens, is one opening from end to end.
+/// Beside an edge the cut left slivers that folded over, and of these strokes every third left bands of skin from lip to lip.
+#[test]
+fn a_slit_along_edges_is_one_opening() {
+    let cube = Solid::cube(16);
+    let place = |v: usize| (cube.positions[v] / 16.0 - 0.5) * 0.2;
+    let corners = (0..cube.positions.len()).map(|v| place(v).to_array().map(|x| x.to_string()).join(" "));
+    let faces = cube.mesh.live_faces().map(|f| cube.mesh.face(f).map(|v| (v.index() + 1).to_string()).join(" "));
+    let obj: String = corners.map(|p| format!("v {p}\n")).chain(faces.map(|f| format!("f {f}\n"))).collect();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cube.obj");
+    std::fs::write(&path, obj).unwrap();
+    let model = incise::formats::load(path.to_str().unwrap()).unwrap();
+    let mut strokes = 0;
+    for (off, frames) in [0.0, 1e-6, 1e-5, 3e-5].into_iter().flat_map(|off| [18, 31, 45, 90].map(|frames| (off, frames))) {
+        for [from, to] in [[-1.0, 1.0], [1.0, -1.0]] {
+            for along in [DVec3::X, DVec3::Y] {
+                let mut scene = users_scene_of(model.clone(), 0.5);
+                let aside = off * DVec3::Z.cross(along);
+                scene.edit(EditCommand::StrokeBegin { width: 0.0 });
+                for k in 0..=frames {
+                    let (t, way) = (f64::from(k) * STEP, f64::from(k) / f64::from(frames));
+                    let tip = 0.07 * (from + (to - from) * way) * along + aside + 0.07 * DVec3::Z;
+                    scene.edit(EditCommand::StrokePose(BladePose { t, tip, base: tip + 0.23 * DVec3::Z }));
+                    scene.pose(t, 0.0);
+                    scene.step(STEP);
+                }
+                assert_eq!(scene.edit(EditCommand::StrokeEnd)[0].outcome.as_str(), "torn");
+                let tissue = only(&scene);
+                assert_eq!(
+                    border_loops(tissue.mesh()),
+                    1,
+                    "{off} m beside the edges in {frames} frames along {along}, from {from}"
+                );
+                assert_eq!(changes_of_side(tissue), 0, "{off} m beside the edges in {frames} frames along {along}, from {from}");
+                strokes += 1;
+            }
+        }
+    }
+    assert_eq!(strokes, 64);
 }
