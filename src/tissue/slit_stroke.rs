@@ -25,6 +25,9 @@ const ON_PLANE: f64 = 1e-11;
 /// on: the next strip met those in several sheets, and bands of skin were left across the slit.
 const STIRRED: f64 = 3e-4;
 
+/// In fine skin no more than this share of a mean edge counts as [`STIRRED`]: a strip is not to run through all there is.
+const STIRRED_EDGES: f64 = 0.02;
+
 /// An end of a strip that is farther from its last blade, as a fraction of the diagonal, is none: a strip may run through a vertex that is
 /// [`STIRRED`] off it, and then many roundings of a position.
 const OFF_LINE: f64 = STIRRED + 1e-5;
@@ -184,13 +187,14 @@ impl TearStroke {
         self.begin_slit(tissue, joint.is_some());
         let near = self.slits.nearness(slit, tissue.diagonal());
         let mut leaves = Leaf::of_slit(slit, ON_PLANE * tissue.diagonal());
-        leaves.iter_mut().for_each(|leaf| leaf.tolerate(near));
         let c = slit.corners;
         let margin = DVec3::splat(near.max(1e-9 * tissue.diagonal()));
         let (low, high) = (c.into_iter().fold(c[0], DVec3::min) - margin, c.into_iter().fold(c[0], DVec3::max) + margin);
         let (hit, [start, end]) = report.stages.time("perform_tear", || {
             tissue.faces_near(low, high, &mut self.candidates);
             self.candidates.sort_unstable();
+            let near = near.min(STIRRED_EDGES * mean_edge(tissue, &self.candidates));
+            leaves.iter_mut().for_each(|leaf| leaf.tolerate(near));
             let SlitState { scratch, step, on_line, .. } = &mut self.slits;
             // at rest while every vertex of the candidates still has a row
             let edges = [[c[0], c[3]], [c[1], c[2]]].map(|edge| at_rest(tissue, &self.candidates, edge));
@@ -300,6 +304,13 @@ pub(in crate::tissue) fn bind_slit(
     });
     tissue.versions.structure += 1;
     (update, strip)
+}
+
+/// Mean length of the edges of `faces` at rest, metres; 0 without faces.
+fn mean_edge(tissue: &Tissue, faces: &[FaceId]) -> f64 {
+    let length = |[a, b, c]: [DVec3; 3]| a.distance(b) + b.distance(c) + c.distance(a);
+    let sum: f64 = faces.iter().map(|&f| length(tissue.mesh.face(f).map(|v| tissue.rest[v.index()]))).sum();
+    sum / (3.0 * faces.len().max(1) as f64)
 }
 
 /// Two points carried to rest space by the surface vertex nearest to the second.
