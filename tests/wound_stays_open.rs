@@ -5,7 +5,7 @@ mod common;
 #[path = "wound_stays_open/lips.rs"]
 mod lips;
 
-use common::models::{heart, scene, users_scene, users_scene_of};
+use common::models::{heart, scene, users_scene};
 use common::open_half_edges;
 use glam::DVec3;
 use incise::formats::{self, Model};
