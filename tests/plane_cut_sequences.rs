@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::models::{model, scene, settings};
+use common::models::{model, model_of_obj, scene, settings};
 use glam::DVec3;
 use incise::diagnostics::Stages;
 use incise::geometry::{FaceId, Plane, VertexId};
@@ -206,10 +206,7 @@ fn balls(balls: &[([f64; 3], f64, bool)]) -> Scene {
         }
         first += ball.positions.len() as u32;
     }
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("balls.obj");
-    std::fs::write(&path, text).unwrap();
-    let loaded = incise::formats::load(path.to_str().unwrap()).unwrap();
+    let loaded = model_of_obj(&text);
     let tissue = Tissue::new(loaded.clone(), &settings(&loaded)).unwrap();
     let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
     Scene::new(tissue, tools)

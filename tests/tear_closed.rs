@@ -8,7 +8,7 @@ mod found;
 
 use common::Solid;
 use common::bodies::{Hexahedron, any_box, tear};
-use common::models;
+use common::models::{self, model_of_obj};
 use common::reference::{volume, volume_of_difference};
 use glam::{DMat3, DVec3};
 use incise::formats::Model;
@@ -75,14 +75,6 @@ fn a_broken_wall_is_caught() {
     let (wall, _) = step.walls[0];
     after.mesh.replace_faces(&[wall], &[], |_| 0, &mut Default::default());
     assert!(check(&before, &after, &torn).is_err(), "a wall face too few");
-}
-
-/// A model given as the text of an OBJ file.
-fn model_of_obj(text: &str) -> Model {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("model.obj");
-    std::fs::write(&path, text).unwrap();
-    incise::formats::load(path.to_str().unwrap()).unwrap()
 }
 
 /// A scene without particles, at rest, and its surface in model space.
@@ -501,9 +493,7 @@ fn hollow_ball(at: DVec3, radius: f64) -> Scene {
     for [a, b, c] in triangles(&outer).into_iter().chain(turned) {
         text += &format!("f {} {} {}\n", a + 1, b + 1, c + 1);
     }
-    let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
-    std::fs::write(file.path(), text).unwrap();
-    let model = incise::formats::load(&file.path().to_string_lossy()).unwrap();
+    let model = model_of_obj(&text);
     let settings = TissueSettings { particles: None, ..models::settings(&model) };
     let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
     let mut scene = Scene::new(Tissue::new(model, &settings).unwrap(), tools);

@@ -8,7 +8,7 @@ mod lips;
 use common::models::{heart, scene, users_scene};
 use common::open_half_edges;
 use glam::DVec3;
-use incise::formats::{self, Model};
+use incise::formats::Model;
 use incise::geometry::{HalfEdge, ParticleId, StateHash, VertexId};
 use incise::particles::ParticleMap;
 use incise::scene::{EditCommand, Scene};

@@ -139,9 +139,9 @@ fn add_at(update: &mut Update<'_, '_>, (k, lips): Stretch, place: f64, side: i8,
             let p = update.rest[vertex.index()];
             let off = (along(update.strips, p) - place).abs();
             let is_far = |t: &VertexId| i < 2 && update.rest[t.index()].distance(p) > 1.5 * spacing;
-            let is_apart = taken[..i].iter().all(|t| is_far(t) || is_beyond(update, k, *t, *vertex));
-            let usable = off <= 0.5 * spacing && is_apart && update.mesh.vertex_is_live(*vertex);
-            if usable && !update.is_anchor(*vertex) && best.is_none_or(|b| (off, *vertex) < b) {
+            let is_apart = || taken[..i].iter().all(|t| is_far(t) || is_beyond(update, k, *t, *vertex));
+            let usable = off <= 0.5 * spacing && update.mesh.vertex_is_live(*vertex) && !update.is_anchor(*vertex);
+            if usable && best.is_none_or(|b| (off, *vertex) < b) && is_apart() {
                 best = Some((off, *vertex));
             }
         }
@@ -150,7 +150,12 @@ fn add_at(update: &mut Update<'_, '_>, (k, lips): Stretch, place: f64, side: i8,
         add_marked(update, k, (vertex, side), at);
         taken[i] = vertex;
     }
-    taken.iter().filter(|t| t.is_some()).count()
+    MOST_SHEETS.min(room)
+}
+
+/// The side of strip `k` that a vertex is on as a lip of its.
+fn own_side(strips: &Strips, k: usize, v: VertexId) -> Option<i32> {
+    strips.lip_sides(v).iter().find(|l| l.strip as usize == k).map(|l| l.side)
 }
 
 /// True if lip `v` of strip `k` is on another sheet than lip `t`: farther along the blade than along the slit, and no chain of lips leads
@@ -163,8 +168,7 @@ fn is_beyond(update: &Update<'_, '_>, k: usize, t: VertexId, v: VertexId) -> boo
     if 2.0 * height * height < way.length_squared() {
         return false;
     }
-    let side = |w: VertexId| strips.lip_sides(w).iter().find(|l| l.strip as usize == k).map(|l| l.side);
-    let own = side(t);
+    let own = own_side(strips, k, t);
     let mut reached = [VertexId::NONE; MOST_LIPS_LOOKED_AT];
     reached[0] = t;
     let (mut next, mut count) = (0, 1);
@@ -173,7 +177,7 @@ fn is_beyond(update: &Update<'_, '_>, k: usize, t: VertexId, v: VertexId) -> boo
             if w == v {
                 return false;
             }
-            if side(w) == own && !reached[..count].contains(&w) {
+            if own_side(strips, k, w) == own && !reached[..count].contains(&w) {
                 if count == MOST_LIPS_LOOKED_AT {
                     return false;
                 }
@@ -200,10 +204,9 @@ pub(super) fn room_for_marks(update: &Update<'_, '_>, start: usize) -> usize {
 
 /// Live lips of a strip.
 fn lips_of<'a>(strips: &'a Strips, mesh: &'a Mesh, strip: usize) -> impl Iterator<Item = LipVertex> + 'a {
-    strips.live_lips(mesh, strip).filter_map(move |vertex| {
-        let own = strips.lip_sides(vertex).iter().find(|l| l.strip as usize == strip)?;
-        Some(LipVertex { vertex, strip, side: own.side as i8 })
-    })
+    strips
+        .live_lips(mesh, strip)
+        .filter_map(move |vertex| Some(LipVertex { vertex, strip, side: own_side(strips, strip, vertex)? as i8 }))
 }
 
 /// The blade has left the slit that the newest strip belongs to: it opens over its whole length, its front too, and wound particles

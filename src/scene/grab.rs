@@ -63,13 +63,6 @@ impl Grabs {
         self.at_work.is_empty()
     }
 
-    /// What hands hold of a tissue, and what it is anchored to there.
-    pub(super) fn anchors_in(&self, id: TissueId, tissue: &Tissue) -> Vec<(ParticleId, VertexId)> {
-        let Some(layer) = tissue.layer().filter(|_| !self.are_empty()) else { return Vec::new() };
-        let held = self.at_work.iter().flat_map(|grab| grab.particles_of(id));
-        held.map(|h| (h.particle, layer.map.anchors.get(h.particle.index()).copied().unwrap_or_default())).collect()
-    }
-
     /// Hands keep the particles where they are whatever moves the tissue from now on.
     fn keep_in_place(&mut self, id: TissueId, tissue: &Tissue) {
         for grab in &mut self.at_work {
@@ -127,13 +120,16 @@ impl Scene {
         }
     }
 
-    /// What hands hold of a tissue, to be known before pieces come off it; those that are loose from then on stay in the hand.
+    /// What hands hold of a tissue, and what it is anchored to there, to be known before pieces come off it; what is loose from then on
+    /// stays in the hand.
     pub(super) fn held_before_parting(&mut self, id: TissueId) -> Vec<(ParticleId, VertexId)> {
         let Some(tissue) = self.tissues.get(&id).filter(|_| !self.grabs.are_empty()) else { return Vec::new() };
+        let Some(layer) = tissue.layer() else { return Vec::new() };
         if self.rigid.body_of(id).is_none() {
             self.grabs.keep_in_place(id, tissue);
         }
-        self.grabs.anchors_in(id, tissue)
+        let held = self.grabs.at_work.iter().flat_map(|grab| grab.particles_of(id));
+        held.map(|h| (h.particle, layer.map.anchors.get(h.particle.index()).copied().unwrap_or_default())).collect()
     }
 
     /// Hands go on holding in `pieces` what has come off `parent` with them; `held` is what [`Scene::held_before_parting`] told.

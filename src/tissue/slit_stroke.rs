@@ -5,6 +5,7 @@
 //! and the next strip starts at exactly those vertices. Where the tissue has moved in between they no longer lie on the
 //! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two, out of the skin.
 
+use super::strip_ends::way_between;
 use super::{ENDS_KEPT, LipVertex, SegmentReport, TearStroke, nearest_vertex};
 use crate::diagnostics::Stages;
 use crate::geometry::{FaceId, VertexId};
@@ -49,6 +50,14 @@ struct Ended {
     strip: Option<usize>,
     /// Ends of the slit on that line.
     vertices: Vec<VertexId>,
+}
+
+impl Ended {
+    /// True if the tissue has carried the blade that `slit` begins at since, by no more than [`STIRRED`].
+    fn has_stirred(&self, slit: &Slit, diagonal: f64) -> bool {
+        let way = way_between([self.blade, [slit.corners[0], slit.corners[3]]]);
+        way > 0.0 && way <= STIRRED * diagonal
+    }
 }
 
 /// Strips of a stroke that there is room for at first.
@@ -125,14 +134,6 @@ impl SlitState {
         self.ended.iter().rev().find(follows)
     }
 
-    /// How near a vertex is cut through, metres.
-    fn nearness(&self, slit: &Slit, diagonal: f64) -> f64 {
-        let before = self.ended.iter().rev().find(|e| e.joint == slit.joints[0]);
-        let carried = |e: &Ended| e.blade[0].distance(slit.corners[0]).max(e.blade[1].distance(slit.corners[3]));
-        let has_stirred = before.map(carried).is_some_and(|way| way > 0.0 && way <= STIRRED * diagonal);
-        diagonal * if has_stirred { STIRRED } else { ON_PLANE }
-    }
-
     /// The end of the last slit, nearest to the handle, if that ends in this blade (tip, top).
     pub(super) fn end_on(&self, tissue: &Tissue, blade: [DVec3; 2]) -> Option<VertexId> {
         let slack = SAME_LINE * tissue.diagonal();
@@ -167,11 +168,12 @@ impl TearStroke {
     /// A chain of boxes or strips is a slit of its own, a wound with two ends, unless it `goes_on` from another or runs beside one: then
     /// the slit before is left by the blade.
     pub(super) fn begin_slit(&mut self, tissue: &mut Tissue, goes_on: bool) {
-        let next = tissue.layer.as_ref().map_or(0, |l| l.strips.next_slit());
-        if !goes_on {
-            self.nicked.clear();
+        if goes_on {
+            return;
         }
-        if !goes_on && next > self.slit && self.stroke.builder().is_alone() {
+        self.nicked.clear();
+        let next = tissue.layer.as_ref().map_or(0, |l| l.strips.next_slit());
+        if next > self.slit && self.stroke.builder().is_alone() {
             let report = tissue.release_slit();
             self.positions.edited(tissue, report.vertices_changed.iter().copied());
             tissue.scratch.update.reuse(report);
@@ -183,18 +185,21 @@ impl TearStroke {
         let mut report = SegmentReport::default();
         let mut starts = std::mem::take(&mut self.slits.starts);
         let before = self.slits.starts(slit, tissue.diagonal(), &mut starts);
+        let has_stirred = before.is_some_and(|e| e.has_stirred(slit, tissue.diagonal()));
         let (joint, before) = (before.map(|e| e.at_rest), before.and_then(|e| e.strip));
         self.begin_slit(tissue, joint.is_some());
-        let near = self.slits.nearness(slit, tissue.diagonal());
         let mut leaves = Leaf::of_slit(slit, ON_PLANE * tissue.diagonal());
         let c = slit.corners;
-        let margin = DVec3::splat(near.max(1e-9 * tissue.diagonal()));
+        let near = tissue.diagonal() * if has_stirred { STIRRED } else { 1e-9 };
+        let margin = DVec3::splat(near);
         let (low, high) = (c.into_iter().fold(c[0], DVec3::min) - margin, c.into_iter().fold(c[0], DVec3::max) + margin);
         let (hit, [start, end]) = report.stages.time("perform_tear", || {
             tissue.faces_near(low, high, &mut self.candidates);
             self.candidates.sort_unstable();
-            let near = near.min(STIRRED_EDGES * mean_edge(tissue, &self.candidates));
-            leaves.iter_mut().for_each(|leaf| leaf.tolerate(near));
+            if has_stirred {
+                let near = near.min(STIRRED_EDGES * mean_edge(tissue, &self.candidates));
+                leaves.iter_mut().for_each(|leaf| leaf.tolerate(near));
+            }
             let SlitState { scratch, step, on_line, .. } = &mut self.slits;
             // at rest while every vertex of the candidates still has a row
             let edges = [[c[0], c[3]], [c[1], c[2]]].map(|edge| at_rest(tissue, &self.candidates, edge));

@@ -69,10 +69,8 @@ impl StripPart {
 
     /// Whether it is too short for a strip; `blades` are those at both ends of its box.
     pub(super) fn is_nick(&self, blades: [[DVec3; 2]; 2]) -> bool {
-        let way = |[from, to]: [[DVec3; 2]; 2]| (0..2).map(|k| from[k].distance(to[k])).fold(0.0, f64::max);
-        let whole = way(blades);
-        let seen = way(self.blades);
-        seen < (1.0 - 1e-9) * whole && seen.min(way(self.at_rest)) < LEAST_PART * whole
+        let [whole, seen, at_rest] = [blades, self.blades, self.at_rest].map(way_between);
+        seen < (1.0 - 1e-9) * whole && seen.min(at_rest) < LEAST_PART * whole
     }
 
     /// Whether a lip that is seen at `p` is one of its.
@@ -183,7 +181,7 @@ impl TearStroke {
         [before, behind]: &[EndFrame<impl Fn(DVec3) -> DVec3>; 2],
     ) -> Option<[Option<StripPart>; 2]> {
         let blades = whole.blades;
-        let way = (0..2).map(|k| blades[0][k].distance(blades[1][k])).fold(0.0, f64::max);
+        let way = way_between(blades);
         let off = |p: DVec3| (before.to_rest)(p).distance((behind.to_rest)(p));
         if off(before.at).max(off(behind.at)) <= APART * way {
             return None;
@@ -295,6 +293,11 @@ impl TearStroke {
         report.vertices_visited += update.vertices_visited;
         tissue.scratch.update.reuse(update);
     }
+}
+
+/// How far the blade's ends go from the one blade to the other: the farther of both, metres.
+pub(super) fn way_between([from, to]: [[DVec3; 2]; 2]) -> f64 {
+    (0..2).map(|k| from[k].distance(to[k])).fold(0.0, f64::max)
 }
 
 /// Where `p` lies on the way from the one blade to the other.

@@ -27,6 +27,14 @@ pub fn model(name: &str, faces: usize) -> Model {
         .clone()
 }
 
+/// A model given as the text of an OBJ file.
+pub fn model_of_obj(text: &str) -> Model {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("model.obj");
+    std::fs::write(&path, text).unwrap();
+    formats::load(path.to_str().unwrap()).unwrap()
+}
+
 /// Settings with about 40 particles.
 pub fn settings(model: &Model) -> TissueSettings {
     let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();

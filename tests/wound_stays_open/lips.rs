@@ -1,7 +1,7 @@
 //! Lips of slits that bend, and of those without width.
 
 use super::*;
-use crate::common::models::users_scene_of;
+use crate::common::models::{model_of_obj, users_scene_of};
 use crate::common::{Solid, border_loops};
 
 /// Edges of the skin between lips on one side of strips from `first` on: by how much more than their length their ends have moved apart.
@@ -150,9 +150,7 @@ fn plate(thick: f64) -> Model {
     (0..columns).for_each(|x| side(upper(x + 1, rows), upper(x, rows)));
     (0..rows).for_each(|y| side(upper(0, y + 1), upper(0, y)));
     (0..rows).for_each(|y| side(upper(columns, y), upper(columns, y + 1)));
-    let file = tempfile::Builder::new().suffix(".obj").tempfile().unwrap();
-    std::fs::write(file.path(), text).unwrap();
-    formats::load(file.path().to_str().unwrap()).unwrap()
+    model_of_obj(&text)
 }
 
 /// A blade through a plate leaves two lips on each side, one above the other, and all four open: wound particles on the one were too near
@@ -225,10 +223,7 @@ fn a_slit_along_edges_is_one_opening() {
     let corners = (0..cube.positions.len()).map(|v| place(v).to_array().map(|x| x.to_string()).join(" "));
     let faces = cube.mesh.live_faces().map(|f| cube.mesh.face(f).map(|v| (v.index() + 1).to_string()).join(" "));
     let obj: String = corners.map(|p| format!("v {p}\n")).chain(faces.map(|f| format!("f {f}\n"))).collect();
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("cube.obj");
-    std::fs::write(&path, obj).unwrap();
-    let model = incise::formats::load(path.to_str().unwrap()).unwrap();
+    let model = model_of_obj(&obj);
     let mut strokes = 0;
     for (off, frames) in [0.0, 1e-6, 1e-5, 3e-5].into_iter().flat_map(|off| [18, 31, 45, 90].map(|frames| (off, frames))) {
         for [from, to] in [[-1.0, 1.0], [1.0, -1.0]] {
