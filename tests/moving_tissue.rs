@@ -128,3 +128,32 @@ fn a_flake_without_thickness_is_no_piece() {
     let torn = scene.edit_hash();
     assert!(scene.undo() && scene.edit_hash() == before && scene.redo() && scene.edit_hash() == torn);
 }
+
+/// A bar bends at its own speed about a blade that goes along it slowly: what is pending turns with the tissue, about points of the blade.
+/// Such boxes were given up, sample by sample, and of the whole stroke a hole as long as it was wide was left.
+#[test]
+fn a_blade_that_tissue_turns_about_leaves_a_wound() {
+    for wall in [WallMode::Open, WallMode::Closed] {
+        let mut scene = users_scene("beam", 3_000, 0.5);
+        scene.set_animation(Some(0));
+        scene.set_wall(wall);
+        scene.pose(0.0, 0.5);
+        scene.edit(EditCommand::StrokeBegin { width: 0.0019 });
+        for i in 0..=90 {
+            let t = f64::from(i) * STEP;
+            scene.pose(t, 0.5 + t);
+            let tip = 0.1 * t * DVec3::X;
+            scene.edit(EditCommand::StrokePose(BladePose { t, tip, base: tip + 0.2 * DVec3::Y }));
+            scene.step(STEP);
+        }
+        assert_eq!(scene.edit(EditCommand::StrokeEnd)[0].outcome, Outcome::Torn);
+        assert_eq!(scene.validate(), Ok(()));
+        let (_, tissue) = scene.tissues().next().unwrap();
+        let (mesh, layer) = (tissue.mesh(), tissue.layer().unwrap());
+        let lips = mesh.live_vertices().filter(|v| !layer.strips.lip_sides(*v).is_empty());
+        let places = lips.map(|v| tissue.rest_positions()[v.index()].x);
+        let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)));
+        assert!(high - low > 0.03, "{wall:?}: from {low} to {high}");
+        assert_eq!(open_half_edges(mesh).is_empty(), wall == WallMode::Closed);
+    }
+}

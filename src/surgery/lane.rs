@@ -9,6 +9,7 @@ use super::boxes::{
 };
 use super::hub::Hub;
 use super::path_sampler::reject;
+use super::pivot::parts;
 use glam::DVec3;
 
 /// A turn beyond this ends the chain: 120 degrees.
@@ -283,6 +284,8 @@ impl Lane {
             self.kept.clear();
             self.start = Start::Fresh(self.start.blade());
             self.go_on(end, begin, incoming, outgoing, maker, out);
+        } else if self.turn_back(end, maker, out) {
+            self.begin(begin);
         } else if self.dropped < MOST_DROPPED {
             self.dropped += 1;
         } else {
@@ -312,13 +315,26 @@ impl Lane {
         maker.spare.push(self.kept);
     }
 
+    /// Where tissue that moves has turned the start since, so that the whole blade comes to `end` about a point of its own: what is below
+    /// that and what is above, each as a chain. False if it has not.
+    fn turn_back(&mut self, end: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) -> bool {
+        let start = self.start.blade();
+        let (wanted, count) = parts(&start, end, maker.grid);
+        let turns = wanted[0] != [Part::WHOLE; 2];
+        if turns {
+            wanted[..count].iter().for_each(|&on| Lane::new(&start, on, maker).close(end, maker, out));
+        }
+        turns
+    }
+
     fn close_at(&mut self, end: &Blade, part: Part, maker: &mut Maker, out: &mut Vec<TearSegment>) {
         if self.build_straight(self.start, end, maker, out) {
             return;
         }
         self.kept.clear();
         let start = self.start.blade();
-        let mut is_built = matches!(self.start, Start::Joint(_)) && self.build_straight(Start::Fresh(start), end, maker, out);
+        let mut is_built = matches!(self.start, Start::Joint(_)) && self.build_straight(Start::Fresh(start), end, maker, out)
+            || part == Part::WHOLE && self.turn_back(end, maker, out);
         for by in SHORTER {
             if !is_built && part != Part::WHOLE {
                 let [start, end] = [&start, end].map(|blade| maker.part(blade, part.ends_in(blade.length(), by)));

@@ -11,6 +11,7 @@ pub mod insert;
 mod lane;
 pub mod leaf;
 pub mod path_sampler;
+mod pivot;
 pub mod plane_cut;
 pub mod plane_from_hand;
 mod plane_split;

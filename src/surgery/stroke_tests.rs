@@ -425,6 +425,30 @@ fn reposed_quads_become_flat_and_boxes_stay_valid() {
     assert!(b.windows(2).all(|w| w[0].chain != w[1].chain || w[0].joints[1] == w[1].joints[0]));
 }
 
+/// Tissue that turns about a point of the blade turns what is pending against the way that the blade goes.
+#[test]
+fn a_start_that_tissue_has_turned_back_is_cut_below_and_above_its_pivot() {
+    let (mut stroke, mut out) = (Stroke::new(0.004, sampling()), Vec::new());
+    let (sin, cos) = 0.3_f64.sin_cos();
+    for i in 0..=20 {
+        let x = 0.01 * f64::from(i);
+        let middle = DVec3::new(x, -0.05, 0.0);
+        for quad in stroke.builder().pending_quads_mut() {
+            for corner in quad.corners.iter_mut() {
+                let d = *corner - middle;
+                *corner = middle + DVec3::new(cos * d.x + sin * d.y, cos * d.y - sin * d.x, d.z);
+            }
+        }
+        stroke.push(upright(f64::from(i) * 0.01, x, -0.1, 0.0), &half_space, &mut out);
+    }
+    assert_eq!(stroke.builder().skipped(), 0);
+    stroke.release(&half_space, &mut out);
+    let b: Vec<_> = out.iter().filter_map(|s| s.as_box().cloned()).collect();
+    assert!(b.iter().all(|b| broken_box(b).is_none()));
+    let parts = |is_above: bool| b.iter().filter(|b| (b.blades[0][0].y > -0.06) == is_above).count();
+    assert!(parts(true) > 5 && parts(false) > 5, "{} below, {} above", parts(false), parts(true));
+}
+
 #[test]
 fn checks_see_broken_boxes() {
     let good = boxes(&[upright(0.0, 0.0, -0.1, 0.0), upright(0.1, 0.1, -0.1, 0.0)], 0.004);
