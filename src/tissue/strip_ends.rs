@@ -236,12 +236,13 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
             return whole;
         }
         let by_share = |a: &CutLip<'_>, b: &CutLip<'_>| a.1.total_cmp(&b.1);
+        // an edge of an older wound has ends on one lip of it, if not of one strip
         let is_of_older = |n: &NewVertex| {
-            let n = self.original(n);
-            let mut sides = n.parents().iter().map(|(v, _)| layer.strips.lip_sides(*v));
-            let first = sides.next().unwrap_or_default();
-            let is_common = |lip: &&LipSide| sides.clone().all(|other| other.contains(lip));
-            n.parent_count > 0 && first.iter().filter(is_common).any(|lip| strips[lip.strip as usize].slit != slit)
+            let mut parents = self.original(n).parents().iter().map(|(v, _)| layer.strips.lip_sides(*v));
+            let first = parents.next().unwrap_or_default();
+            let of = |lip: &LipSide| (strips[lip.strip as usize].slit, lip.side);
+            let is_common = |lip: &&LipSide| parents.clone().all(|other| other.iter().any(|o| of(o) == of(lip)));
+            first.iter().filter(is_common).any(|lip| of(lip).0 != slit)
         };
         let first = self.cut_skin(whole.blades).min_by(by_share).filter(|(n, share)| *share > 0.0 && is_of_older(n));
         let last = self.cut_skin(whole.blades).max_by(by_share).filter(|(n, share)| *share < 1.0 && is_of_older(n));
