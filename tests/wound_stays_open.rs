@@ -2,6 +2,8 @@
 //! that opened at rest stays open, in its anchors' frames, when the model starts to move.
 
 mod common;
+#[path = "wound_stays_open/crossings.rs"]
+mod crossings;
 #[path = "wound_stays_open/lips.rs"]
 mod lips;
 

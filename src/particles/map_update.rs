@@ -156,19 +156,20 @@ impl<'a, 'e> Update<'a, 'e> {
 }
 
 impl Update<'_, '_> {
-    /// Lips given by the edit, and new vertices whose parents are all on one lip: they are on it too.
+    /// Lips given by the edit, and new vertices whose parents are all on one lip, though not all of one strip: they are on it too.
     fn mark_lips(&mut self) {
         for new in self.edit.new_vertices.iter().filter(|n| !n.is_apart) {
-            let mut parents = new.parents.into_iter().filter(|p| p.is_some());
-            let Some(first) = parents.next() else { continue };
-            let common = &mut self.scratch.common;
+            let parents = new.parents.into_iter().filter(|p| p.is_some());
+            let (strips, common) = (&mut *self.strips, &mut self.scratch.common);
             common.clear();
-            common.extend_from_slice(self.strips.lip_sides(first));
-            for parent in parents {
-                common.retain(|lip| self.strips.lip_sides(parent).contains(lip));
-            }
+            common.extend(parents.clone().flat_map(|p| strips.lip_sides(p)));
+            common.retain(|lip| {
+                let is_there =
+                    |p| strips.known_side(lip.strip as usize, p).is_some_and(|known| i32::from(known.side) == lip.side);
+                parents.clone().all(is_there)
+            });
             for lip in common {
-                self.strips.set_lip(new.vertex, lip.strip as usize, lip.side as i8);
+                strips.set_lip(new.vertex, lip.strip as usize, lip.side as i8);
             }
         }
         let strips = self.strips.len();

@@ -37,6 +37,9 @@ pub struct ChainBuilder {
 /// Lanes of a stroke that there is room for at first.
 const LANES: usize = 4;
 
+/// Shares of the way from a blade outside to the next, inside, that the one outside is drawn back by.
+const DRAWN_BACK: [f64; 5] = [0.0, 0.1, 0.25, 0.5, 1.0];
+
 impl ChainBuilder {
     /// A builder for one stroke of `width` metres (0: a slit; negative or NaN counts as 0, callers refuse it earlier).
     pub fn new(width: f64, sampling: &Sampling) -> Self {
@@ -96,6 +99,19 @@ impl ChainBuilder {
     pub fn raise_last(&mut self, amount: f64) {
         if let Some(last) = &mut self.last {
             last.raise(amount, self.maker.grid);
+        }
+    }
+
+    /// Draws the last blade outside back from the next, inside, as far as it takes to be outside still: skin may have come over it since.
+    pub fn keep_outside(&mut self, inside: &BladePose, is_outside: impl Fn(&BladePose) -> bool) {
+        let Some(outside) = &mut self.outside else { return };
+        let back = |share: f64| {
+            let [tip, base] =
+                [(outside.tip, inside.tip), (outside.base, inside.base)].map(|(from, to)| from + (from - to) * share);
+            BladePose { tip, base, ..*outside }
+        };
+        if let Some(drawn) = DRAWN_BACK.into_iter().map(back).find(is_outside) {
+            *outside = drawn;
         }
     }
 

@@ -96,6 +96,9 @@ impl Stroke {
         for sample in &self.samples {
             let mut clipped = ClippedSample::clip(sample, surface, &self.sampling);
             if let Some(previous) = &self.previous {
+                if previous.top.is_none() && clipped.top.is_some() {
+                    self.builder.keep_outside(&clipped.pose, |pose| surface.entry(pose.tip, pose.base).is_none());
+                }
                 clipped.raise = rise_between(previous, &clipped, surface, &self.sampling);
                 self.builder.raise_last(clipped.raise);
             }

@@ -574,3 +574,19 @@ proptest! {
         prop_assert!(!inside(poses[20].tip - DVec3::Y * 1e-3), "below the tip nothing is cut");
     }
 }
+
+/// A lip that comes over the blade between two samples, as its wound closes, is cut from outside.
+#[test]
+fn a_chain_begins_outside_though_skin_has_come_over_its_first_blade() {
+    for by in [0.0, 1e-4, 0.004] {
+        let (mut stroke, mut out) = (Stroke::new(0.001, sampling()), Vec::new());
+        let from = |edge: f64| move |tip: DVec3, base: DVec3| half_space(tip, base).filter(|_| tip.x > edge);
+        let edge = -0.001 - by;
+        for (k, x) in [-0.001, 0.012, 0.03].into_iter().enumerate() {
+            stroke.push(upright(0.1 * k as f64, x, -0.05, 0.0), &from(if k == 0 { 0.0 } else { edge }), &mut out);
+        }
+        let begins = out[0].as_box().unwrap().blades[0][0].x;
+        assert!(if by > 0.0 { begins < edge } else { (begins - edge).abs() < 1e-9 }, "{by}: {begins}");
+        assert!(begins > edge - 0.01, "{by}: {begins}");
+    }
+}

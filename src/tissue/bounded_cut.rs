@@ -2,7 +2,7 @@
 
 use super::Tissue;
 use super::edit::Opened;
-use super::stroke::{at_rest, bind_slit};
+use super::stroke::{Cut, StripPart, Swath, slit_cut};
 use crate::diagnostics::Stages;
 use crate::geometry::Plane;
 use crate::surgery::cap::{CapOutcome, CapScratch, closes};
@@ -32,7 +32,8 @@ impl Tissue {
         self.faces_near(leaf.min, leaf.max, &mut candidates);
         candidates.sort_unstable();
         let edges = [[tip, top.unwrap_or(next_top)], [next_tip, next_top]];
-        let [start, end] = edges.map(|edge| at_rest(self, &candidates, edge));
+        let uncut = Swath { tissue: self, made: &[], near: &[], candidates: &candidates, elsewhere: |v| self.position(v) };
+        let at_rest = edges.map(|edge| uncut.rest_edge(edge));
         let hit = stages.time("split", || {
             let (mesh, posed) = self.split_borrow();
             let leaves = std::slice::from_ref(&leaf);
@@ -42,7 +43,11 @@ impl Tissue {
             return None;
         }
         let slit = self.layer().map_or(0, |l| l.strips.next_slit());
-        let (report, _) = bind_slit(self, &step, [edges, [start, end]], slit, None, (&mut Vec::new(), stages));
+        stages.time("bind", || self.add_vertices(&step.new_vertices));
+        let (cut, part) = (Cut { slit, ..slit_cut(self, &step) }, StripPart::whole(edges, at_rest));
+        let lists = (&mut Vec::new(), &mut Vec::new());
+        let (report, _) = cut.bind(self, (&part, true, false), |tissue, v| tissue.position(v), lists, stages);
+        self.versions.structure += 1;
         self.scratch.update.reuse(report);
         let report = self.release_slit();
         self.scratch.update.reuse(report);

@@ -6,10 +6,8 @@
 //! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two, out of the skin.
 
 use super::strip_ends::way_between;
-use super::{ENDS_KEPT, LipVertex, SegmentReport, TearStroke, nearest_vertex};
-use crate::diagnostics::Stages;
+use super::{Cut, ENDS_KEPT, SegmentReport, Swath, TearStroke};
 use crate::geometry::{FaceId, VertexId};
-use crate::particles::MapUpdateReport;
 use crate::surgery::leaf::{Leaf, line};
 use crate::surgery::slit::{OnLines, SlitScratch, SlitStep, slit_step};
 use crate::surgery::{JointId, Slit};
@@ -193,7 +191,7 @@ impl TearStroke {
         let near = tissue.diagonal() * if has_stirred { STIRRED } else { 1e-9 };
         let margin = DVec3::splat(near);
         let (low, high) = (c.into_iter().fold(c[0], DVec3::min) - margin, c.into_iter().fold(c[0], DVec3::max) + margin);
-        let (hit, [start, end]) = report.stages.time("perform_tear", || {
+        let hit = report.stages.time("perform_tear", || {
             tissue.faces_near(low, high, &mut self.candidates);
             self.candidates.sort_unstable();
             if has_stirred {
@@ -201,8 +199,6 @@ impl TearStroke {
                 leaves.iter_mut().for_each(|leaf| leaf.tolerate(near));
             }
             let SlitState { scratch, step, on_line, .. } = &mut self.slits;
-            // at rest while every vertex of the candidates still has a row
-            let edges = [[c[0], c[3]], [c[1], c[2]]].map(|edge| at_rest(tissue, &self.candidates, edge));
             // where the tissue has moved, a tag would stand against everything around its vertex
             on_line.clear();
             let far = OFF_LINE * tissue.diagonal();
@@ -212,30 +208,43 @@ impl TearStroke {
             if hit {
                 self.join_ends(tissue, slit, &starts);
             }
-            (hit, edges)
+            hit
         });
-        let step = &self.slits.step;
+        let step = std::mem::take(&mut self.slits.step);
         report.faces_visited = step.faces_visited;
         let mut strip = None;
+        let blades = [[c[0], c[3]], [c[1], c[2]]];
+        let end;
         if hit {
-            let start = joint.unwrap_or(start);
             report.new_vertices = step.new_vertices.len();
             report.intersection_points = step.intersection_points;
             report.opened_edges = step.opened_edges;
             report.smallest_angle = step.smallest_sine.min(1.0).asin();
-            let ends = [[[c[0], c[3]], [c[1], c[2]]], [start, end]];
-            let (update, made) = bind_slit(tissue, step, ends, self.slit, before, (&mut self.lips, &mut report.stages));
-            strip = made;
-            let made = self.slits.step.new_vertices.iter().map(|n| n.vertex);
-            self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
-            report.wound_particles = update.particles_added.len();
-            tissue.scratch.update.reuse(update);
+            report.stages.time("bind", || tissue.add_vertices(&step.new_vertices));
+            let parts;
+            (parts, end) = self.slit_swath(tissue, &step).strip_parts(blades, joint, self.slit);
+            // vertices at the joint have sides only now
+            let has_joint = step.tags.iter().any(|t| t.lines & line::START != 0);
+            let newest = || tissue.layer.as_ref().and_then(|l| l.strips.len().checked_sub(1));
+            let mut cut = Cut { goes_on_from: if has_joint { before.or_else(newest) } else { None }, ..slit_cut(tissue, &step) };
+            strip = self.bind_strips(tissue, &mut cut, (&parts, blades), &mut report);
+            tissue.versions.structure += 1;
             self.close_notes(tissue, &mut report);
+        } else {
+            end = self.slit_swath(tissue, &step).rest_edge(blades[1]);
         }
-        self.slits.starts = starts;
+        (self.slits.starts, self.slits.step) = (starts, step);
         let far = OFF_LINE * tissue.diagonal();
         self.slits.end(slit, end, strip, |v, blade| distance_to_line(tissue.position(v), blade) > far);
         self.reports.push(report);
+    }
+
+    /// What a strip has cut; nothing if it has met nothing. What it has made lies in it, and would at rest as well: on neither side.
+    fn slit_swath<'a>(&'a self, tissue: &'a Tissue, step: &'a SlitStep) -> Swath<'a, impl Fn(VertexId) -> DVec3> {
+        let elsewhere = |v| self.positions.of(tissue, v);
+        let made = step.new_vertices.as_slice();
+        let old = made.first().map_or(step.touched.len(), |n| step.touched.partition_point(|v| *v < n.vertex));
+        Swath { tissue, made, near: &step.touched[..old], candidates: &self.candidates, elsewhere }
     }
 
     /// Joins ends of the slit that the strip has missed to its own nearest starts, over the skin, if those are near; where there are
@@ -279,36 +288,10 @@ impl TearStroke {
     }
 }
 
-/// Rows, strip and particle map of what a slit has opened; the strip's ends (tip, top) are given as they were cut and at rest;
-/// `before` is the strip that it goes on from, where that is not the last; `lips` is scratch. Gives the new strip's number, too.
-pub(in crate::tissue) fn bind_slit(
-    tissue: &mut Tissue,
-    step: &SlitStep,
-    [cut, at_rest]: [[[DVec3; 2]; 2]; 2],
-    slit: u32,
-    before: Option<usize>,
-    (lips, stages): (&mut Vec<LipVertex>, &mut Stages),
-) -> (MapUpdateReport, Option<usize>) {
-    stages.time("bind", || tissue.add_vertices(&step.new_vertices));
-    let strip = stages.time("disconnect_particles", || {
-        let layer = tissue.layer.as_mut()?;
-        let corners = [at_rest[0][0], at_rest[1][0], at_rest[1][1], at_rest[0][1]];
-        layer.strips.push(corners, layer.settings.radius, slit).ok()
-    });
-    lips.clear();
-    if let Some(strip) = strip {
-        let beside = (step.lips.iter().copied(), step.new_vertices.as_slice(), step.closed.as_slice());
-        tissue.list_lips((strip, cut), beside, false, |v| tissue.position(v), lips);
-    }
-    let update = stages.time("update_particles", || {
-        let strips = strip.map_or(0..0, |s| s..s + 1);
-        // vertices at the joint have sides only now
-        let has_joint = step.tags.iter().any(|t| t.lines & line::START != 0);
-        let goes_on_from = strip.filter(|_| has_joint).and_then(|s| before.or(s.checked_sub(1)));
-        tissue.update_map(&step.new_vertices, &[], (strips, goes_on_from), lips)
-    });
-    tissue.versions.structure += 1;
-    (update, strip)
+/// What a slit has opened, as its strips are bound.
+pub(in crate::tissue) fn slit_cut<'a>(tissue: &Tissue, step: &'a SlitStep) -> Cut<'a> {
+    let reach = tissue.layer.as_ref().map_or(0.0, |layer| layer.settings.radius);
+    Cut { lips: &step.lips, made: &step.new_vertices, closed: &step.closed, reach, ..Cut::default() }
 }
 
 /// Mean length of the edges of `faces` at rest, metres; 0 without faces.
@@ -316,12 +299,4 @@ fn mean_edge(tissue: &Tissue, faces: &[FaceId]) -> f64 {
     let length = |[a, b, c]: [DVec3; 3]| a.distance(b) + b.distance(c) + c.distance(a);
     let sum: f64 = faces.iter().map(|&f| length(tissue.mesh.face(f).map(|v| tissue.rest[v.index()]))).sum();
     sum / (3.0 * faces.len().max(1) as f64)
-}
-
-/// Two points carried to rest space by the surface vertex nearest to the second.
-pub(in crate::tissue) fn at_rest(tissue: &Tissue, faces: &[FaceId], [tip, top]: [DVec3; 2]) -> [DVec3; 2] {
-    match nearest_vertex(tissue, faces, top, &|v| tissue.position(v)) {
-        Some(v) => [tip, top].map(tissue.rest_frame(v, tissue.position(v))),
-        None => [tip, top],
-    }
 }

@@ -8,6 +8,8 @@ mod joint_fit;
 mod segment_report;
 #[path = "slit_stroke.rs"]
 mod slit_stroke;
+#[path = "strip_bind.rs"]
+mod strip_bind;
 #[path = "strip_ends.rs"]
 mod strip_ends;
 #[path = "stroke_room.rs"]
@@ -27,7 +29,9 @@ use box_planes::BoxPlanes;
 use glam::{DMat3, DVec3};
 pub use segment_report::SegmentReport;
 use slit_stroke::SlitState;
-pub(super) use slit_stroke::{at_rest, bind_slit};
+pub(super) use slit_stroke::slit_cut;
+pub(super) use strip_bind::Cut;
+pub(super) use strip_ends::{StripPart, Swath};
 use stroke_ties::Tie;
 
 /// Sides whose two triangles are this flat, as a fraction of the diagonal, are one plane.
@@ -386,7 +390,7 @@ impl TearStroke {
             self.bind(tissue, tear_box, start, &mut report)
         } else {
             self.near.clear();
-            self.rest_edge(tissue, tear_box.blades[1])
+            self.swath(tissue).rest_edge(tear_box.blades[1])
         };
         self.keep_end(tissue, tear_box, &planes, (&before, end));
         self.spare_ended.push(before);
@@ -536,14 +540,21 @@ impl TearStroke {
         let is_in_wound = self.is_in_wound(tissue, tear_box);
         let blades = [0, 1].map(|end| if is_in_wound { self.cut_part(tissue, tear_box, end) } else { tear_box.blades[end] });
         let reach = if is_in_wound { 0.0 } else { tissue.layer.as_ref().map_or(0.0, |layer| layer.settings.radius) };
-        let (parts, end) = self.strip_parts(tissue, blades, start);
-        for (i, part) in parts.iter().flatten().enumerate() {
-            if part.is_apart {
-                self.begin_slit(tissue, false);
-            }
-            let is_nick = part.is_nick(tear_box.blades);
-            self.bind_strip(tissue, (part, i == 0, is_nick), reach, report);
-        }
+        let (parts, end) = self.swath(tissue).strip_parts(blades, start, self.slit);
+        let (step, mut removed) = (std::mem::take(&mut self.step), std::mem::take(&mut self.removed));
+        removed.clear();
+        removed.extend(step.touched.iter().filter(|&&v| !tissue.mesh.vertex_is_live(v)));
+        let mut cut = Cut {
+            lips: &step.lips,
+            made: &step.new_vertices,
+            removed: &removed,
+            has_width: true,
+            is_beside: step.skin_cut == 0,
+            reach,
+            ..Cut::default()
+        };
+        self.bind_strips(tissue, &mut cut, (&parts, tear_box.blades), report);
+        (self.step, self.removed) = (step, removed);
         let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
         report.wall_deviation = corners.map(|n| tissue.faded(n.vertex).length()).fold(0.0, f64::max);
         tissue.versions.structure += 1;
