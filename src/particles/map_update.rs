@@ -162,12 +162,13 @@ impl Update<'_, '_> {
             let parents = new.parents.into_iter().filter(|p| p.is_some());
             let (strips, common) = (&mut *self.strips, &mut self.scratch.common);
             common.clear();
-            common.extend(parents.clone().flat_map(|p| strips.lip_sides(p)));
-            common.retain(|lip| {
+            for lip in parents.clone().flat_map(|p| strips.lip_sides(p)) {
                 let is_there =
                     |p| strips.known_side(lip.strip as usize, p).is_some_and(|known| i32::from(known.side) == lip.side);
-                parents.clone().all(is_there)
-            });
+                if !common.contains(lip) && parents.clone().all(is_there) {
+                    common.push(*lip);
+                }
+            }
             for lip in common {
                 strips.set_lip(new.vertex, lip.strip as usize, lip.side as i8);
             }

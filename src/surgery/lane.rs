@@ -317,7 +317,7 @@ impl Lane {
 
     /// Where tissue that moves has turned the start since, so that the whole blade comes to `end` about a point of its own: what is below
     /// that and what is above, each as a chain. False if it has not.
-    fn turn_back(&mut self, end: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) -> bool {
+    fn turn_back(&self, end: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) -> bool {
         let start = self.start.blade();
         let (wanted, count) = parts(&start, end, maker.grid);
         let turns = wanted[0] != [Part::WHOLE; 2];
