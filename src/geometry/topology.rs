@@ -25,6 +25,9 @@ pub struct SplitVertex {
     pub from: VertexId,
 }
 
+/// Half-edges between the same two vertices that there is room for at once.
+const TIED: usize = 16;
+
 /// Scratch of the topology edits, kept between edits so that they do not allocate.
 #[derive(Debug, Default)]
 pub struct TopologyScratch {
@@ -37,6 +40,8 @@ pub struct TopologyScratch {
     copies: Vec<(WedgeId, WedgeId)>,
     /// Half-edges that stay, with the ones across them that went.
     cut: Vec<(HalfEdge, HalfEdge)>,
+    /// Half-edges between the same two vertices, by the edges that they lie on.
+    tied: Vec<(u32, HalfEdge)>,
     /// For each face to add the edges that its half-edges lie on: the lower half-edge of an edge that goes, or a number of its
     /// own for one that is new. It tells edges between the same two vertices apart. May be empty; used up by
     /// [`Mesh::replace_faces`].
@@ -55,6 +60,7 @@ impl TopologyScratch {
         self.order.reserve(6 * faces);
         self.copies.reserve(faces);
         self.cut.reserve(3 * faces);
+        self.tied.reserve(TIED);
         self.ties.reserve(2 * faces);
         self.added.reserve(2 * faces);
     }
@@ -116,23 +122,26 @@ impl Mesh {
             }
         }
         scratch.edges.sort_unstable();
+        let mut tied = std::mem::take(&mut scratch.tied);
         for run in scratch.edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
             if let [(.., a), (.., b)] = *run {
                 self.pair(a, b);
             } else if run.len() > 2 && !scratch.ties.is_empty() {
-                self.join_tied(run, scratch);
+                self.join_tied(run, scratch, &mut tied);
             }
         }
+        scratch.tied = tied;
         scratch.ties.clear();
     }
 
     /// Joins half-edges between the same two vertices by the edges that they lie on.
-    fn join_tied(&mut self, run: &[(u64, u8, HalfEdge)], scratch: &TopologyScratch) {
+    fn join_tied(&mut self, run: &[(u64, u8, HalfEdge)], scratch: &TopologyScratch, tied: &mut Vec<(u32, HalfEdge)>) {
         let tie = |h: HalfEdge| match scratch.added.iter().position(|&f| f == h.face()) {
             Some(i) => scratch.ties[i][h.corner()],
             None => scratch.cut.iter().find(|c| c.0 == h).map_or(h.0, |c| h.0.min(c.1.0)),
         };
-        let mut tied: Vec<(u32, HalfEdge)> = run.iter().map(|e| (tie(e.2), e.2)).collect();
+        tied.clear();
+        tied.extend(run.iter().map(|e| (tie(e.2), e.2)));
         tied.sort_unstable();
         for pair in tied.chunk_by(|a, b| a.0 == b.0) {
             if let [(_, a), (_, b)] = *pair {

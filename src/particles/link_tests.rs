@@ -155,9 +155,9 @@ impl VertexKey {
 }
 
 impl TestedEnd {
-    /// For as many strips as lips mostly know.
+    /// For as many strips as lips mostly know, where wounds cross too.
     fn with_room() -> Self {
-        let around = StripsAround { strips: Vec::with_capacity(16), is_known: false };
+        let around = StripsAround { strips: Vec::with_capacity(64), is_known: false };
         Self { of: VertexKey::default(), around, views: LipViews { views: Vec::with_capacity(16) } }
     }
 
