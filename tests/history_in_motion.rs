@@ -90,8 +90,22 @@ fn undo_in_mid_stroke_moves_nothing() {
     beam.blade(0.0555, [-0.0087208, 0.088129, -0.718035], [-0.0087208, 0.088129, 0.449095]);
     beam.frames(1, 15.0);
     let before = beam.stands();
-    assert_eq!(beam.scene.edit(EditCommand::Undo)[0].outcome, Outcome::Severed);
+    assert_eq!(beam.scene.edit(EditCommand::Undo)[0].outcome, Outcome::Torn);
     assert!(beam.farthest(&before) < 1e-9, "{:e}", beam.farthest(&before));
+
+    for width in [0.0, 0.004] {
+        let mut beam = Clock::of("beam", 420, true);
+        beam.frames(26, 2.0);
+        beam.scene.edit(EditCommand::StrokeBegin { width });
+        for k in 0..=20 {
+            let y = 0.2 - 0.02 * f64::from(k);
+            beam.blade(f64::from(k) / 90.0, [-0.1, y, -0.3], [-0.1, y, 0.3]);
+            beam.frames(1, 2.0);
+        }
+        let before = beam.stands();
+        assert_eq!(beam.scene.edit(EditCommand::Undo)[0].outcome, Outcome::Severed, "{width} m");
+        assert!(beam.farthest(&before) < 1e-9, "{:e}", beam.farthest(&before));
+    }
 }
 
 /// A piece that was cut off in one pose and went back in another comes off and goes back without a jump: what it knows of where its

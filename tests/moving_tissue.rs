@@ -5,7 +5,7 @@ mod common;
 use common::models::users_scene;
 use common::{border_loops, open_half_edges};
 use glam::DVec3;
-use incise::geometry::{Components, Mesh};
+use incise::geometry::{Components, Mesh, VertexId};
 use incise::scene::{EditCommand, Outcome, Scene};
 use incise::surgery::{BladePose, WallMode};
 
@@ -156,4 +156,71 @@ fn a_blade_that_tissue_turns_about_leaves_a_wound() {
         assert!(high - low > 0.03, "{wall:?}: from {low} to {high}");
         assert_eq!(open_half_edges(mesh).is_empty(), wall == WallMode::Closed);
     }
+}
+
+/// Where the blade first goes through the skin, at rest.
+fn entry_at_rest(scene: &Scene, blade: BladePose) -> Option<DVec3> {
+    let (_, tissue) = scene.tissues().next().unwrap();
+    let (from, way) = (blade.base, blade.tip - blade.base);
+    let hits = tissue.mesh().live_faces().filter_map(|f| {
+        let vertices = tissue.mesh().face(f);
+        let [a, b, c] = vertices.map(|v| tissue.position(v));
+        let normal = (b - a).cross(c - a);
+        let along = (a - from).dot(normal) / way.dot(normal);
+        let p = from + way * along;
+        let weight = |q: DVec3, r: DVec3| (q - p).cross(r - p).dot(normal) / normal.length_squared();
+        let weights = [weight(b, c), weight(c, a), weight(a, b)];
+        let is_hit = (0.0..=1.0).contains(&along) && weights.iter().all(|w| *w >= -1e-9);
+        let rest = vertices.map(|v| tissue.rest_positions()[v.index()]);
+        is_hit.then(|| (along, rest[0] * weights[0] + rest[1] * weights[1] + rest[2] * weights[2]))
+    });
+    hits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|hit| hit.1)
+}
+
+/// A bar bends at its own speed, three times as fast as the blade goes across it: the wound in the skin is where the blade went through it,
+/// which another bar that bends alike and is not torn tells exactly.
+#[test]
+fn the_wound_follows_the_blade_s_way_through_the_skin() {
+    const WIDTH: f64 = 0.004;
+    let (mut scene, mut whole) = (users_scene("beam", 3_000, 0.5), users_scene("beam", 3_000, 0.5));
+    let pose = |scene: &mut Scene, t: f64| {
+        scene.set_animation(Some(0));
+        scene.pose(t, 0.5 + t);
+        scene.step(STEP);
+    };
+    pose(&mut scene, 0.0);
+    pose(&mut whole, 0.0);
+    scene.edit(EditCommand::StrokeBegin { width: WIDTH });
+    let mut way: Vec<DVec3> = Vec::new();
+    for i in 1..=54 {
+        let t = f64::from(i) * STEP;
+        let tip = DVec3::new(0.01 - 0.04 * t, 0.02, 0.035 - 0.14 * t);
+        let blade = BladePose { t, tip, base: tip + 0.25 * DVec3::Y };
+        way.extend(entry_at_rest(&whole, blade));
+        scene.edit(EditCommand::StrokePose(blade));
+        pose(&mut scene, t);
+        pose(&mut whole, t);
+    }
+    scene.edit(EditCommand::StrokeEnd);
+    assert_eq!(scene.validate(), Ok(()));
+    let (_, tissue) = scene.tissues().next().unwrap();
+    let rest = |v: VertexId| tissue.rest_positions()[v.index()];
+    let is_top = |p: DVec3| (p.y - 0.06).abs() < 1e-6;
+    let fine: Vec<DVec3> = way.windows(2).flat_map(|w| (0..16).map(|k| w[0].lerp(w[1], f64::from(k) / 16.0))).collect();
+    let off = |p: DVec3| fine.iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min);
+    assert!(way.iter().all(|p| is_top(*p)) && way.len() == 54, "{way:?}");
+    // before that the blade grazes the skin, which goes by a centimetre a frame
+    let in_bend = |p: &DVec3| p.x < 0.07;
+    let left: Vec<[DVec3; 3]> = tissue.mesh().live_faces().map(|f| tissue.mesh().face(f).map(rest)).collect();
+    let covers = |t: &[DVec3; 3], p: DVec3| {
+        let turn = |k: usize| (t[(k + 1) % 3] - t[k]).cross(p - t[k]).y;
+        t.iter().all(|q| is_top(*q)) && (0..3).all(|k| turn(k) >= 0.0)
+    };
+    let uncut = fine.iter().filter(|p| in_bend(p) && left.iter().any(|t| covers(t, **p))).count();
+    assert_eq!(uncut, 0, "of {} points of the way", fine.len());
+    let lips = open_half_edges(tissue.mesh()).into_iter().map(|h| rest(tissue.mesh().from(h)));
+    let mut offs: Vec<f64> = lips.filter(|p| is_top(*p) && in_bend(p)).map(off).collect();
+    offs.sort_by(f64::total_cmp);
+    let [few, half, most] = [offs.len() / 20, offs.len() / 2, offs.len() - 1].map(|k| offs[k] / (0.5 * WIDTH));
+    assert!(offs.len() > 60 && few > 0.6 && (0.99..1.1).contains(&half) && most < 1.35, "{few} {half} {most} of half the width");
 }

@@ -37,6 +37,11 @@ impl BladePose {
         }
     }
 
+    /// The pose with its tip and base moved by so much, metres.
+    pub(super) fn moved(&self, by: [DVec3; 2]) -> Self {
+        Self { tip: self.tip + by[0], base: self.base + by[1], ..*self }
+    }
+
     /// Unit vector from tip to base; zero for a blade without length.
     pub fn up(&self) -> DVec3 {
         (self.base - self.tip).normalize_or_zero()

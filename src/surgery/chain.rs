@@ -98,6 +98,8 @@ impl ChainBuilder {
     /// Lifts the top of the newest pending sample by `amount` metres in all, as far as the blade goes.
     pub fn raise_last(&mut self, amount: f64) {
         if let Some(last) = &mut self.last {
+            // where the tissue has carried it
+            last.settle(self.maker.grid);
             last.raise(amount, self.maker.grid);
         }
     }

@@ -1,6 +1,9 @@
 //! Blade poses in, samples out (MATHS 5.1): by distance or time, whichever comes first, and extra where the tip turns
 //! or changes speed. The path between two poses is a straight interpolation, so a stream of poses and a file of the
 //! same poses give the same bits.
+//!
+//! In tissue that moves the way is that through the tissue, and so are its length and its turns: what passes under a slow blade is
+//! sampled as finely as what a fast one passes over. A blade that stands still gives no samples all the same.
 
 use super::blade_path::{BladePose, Sampling, Surface};
 use glam::DVec3;
@@ -62,6 +65,18 @@ impl ClippedSample {
     }
 }
 
+impl ClippedSample {
+    /// Moves the blade's tip and base by so much, metres, and what is clipped of it with them.
+    pub(super) fn carry(&mut self, by: [DVec3; 2]) {
+        let pose = self.pose.moved(by);
+        if let Some(top) = &mut self.top {
+            let share = (*top - self.pose.tip).length() / (self.pose.base - self.pose.tip).length();
+            *top += by[0].lerp(by[1], share);
+        }
+        self.pose = pose;
+    }
+}
+
 /// Direction across the blade (unit) and speed (m/s) of the tip when a sample was taken.
 #[derive(Clone, Copy, Debug)]
 struct Heading {
@@ -76,9 +91,20 @@ pub struct PathSampler {
     pose: Option<BladePose>,
     /// Where the tissue has carried that since.
     carried: Option<BladePose>,
+    /// The last sample but axial ones, where the tissue has carried it.
     sample: Option<BladePose>,
+    /// Where it was taken.
+    taken: Option<BladePose>,
     axial_tip: DVec3,
     heading: Option<Heading>,
+}
+
+/// The ways from one pose to the next.
+struct Ways {
+    /// The poses.
+    seen: [BladePose; 2],
+    /// Where the tissue has carried the first since: the way through the tissue goes from there to the second.
+    from: BladePose,
 }
 
 /// The way from one pose to the next, seen from the last sample: two points of the blade, across that sample's line.
@@ -94,7 +120,7 @@ struct Leg {
 impl PathSampler {
     /// A sampler for one stroke.
     pub fn new(sampling: Sampling) -> Self {
-        Self { sampling, pose: None, carried: None, sample: None, axial_tip: DVec3::ZERO, heading: None }
+        Self { sampling, pose: None, carried: None, sample: None, taken: None, axial_tip: DVec3::ZERO, heading: None }
     }
 
     /// Takes the next pose and appends the samples between the one before and it. Poses that are not finite, have no
@@ -105,64 +131,66 @@ impl PathSampler {
         }
         let Some(from) = self.pose else {
             self.pose = Some(pose);
-            self.emit(pose, SampleKind::Move, out);
+            self.emit(pose, pose, SampleKind::Move, out);
             return;
         };
         if pose.t < from.t {
             return;
         }
         self.pose = Some(pose);
-        let carried = self.carried.take().unwrap_or(from);
-        let samples = out.len();
-        self.corner(&from, &pose, out);
-        self.walk(from, pose, out);
         // bit for bit what they are in tissue that stands still
-        if carried != from && pose.t > from.t {
-            for sample in &mut out[samples..] {
-                sample.pose = carried.lerp(&pose, (sample.pose.t - from.t) / (pose.t - from.t));
-            }
-        }
+        let ways = Ways { seen: [from, pose], from: self.carried.take().unwrap_or(from) };
+        self.corner(&ways, out);
+        self.walk(&ways, out);
     }
 
-    /// The newest pose, tip and base, for a caller whose tissue moves.
-    pub fn newest(&self) -> Option<[DVec3; 2]> {
-        self.pose.map(|p| [p.tip, p.base])
+    /// Tip and base of the newest pose and of the last sample where the tissue has carried them, for a caller whose tissue moves.
+    pub fn carried(&self) -> Option<[[DVec3; 2]; 2]> {
+        let newest = self.carried.or(self.pose)?;
+        Some([newest, self.sample.unwrap_or(newest)].map(|p| [p.tip, p.base]))
     }
 
-    /// The tissue has carried what the blade was in at the newest pose away by so much, at its tip and base, metres (MATHS 5.5). Samples on the
-    /// way to the next pose are placed between there and that: the blade goes on in the tissue from where it was in it.
-    pub fn carry(&mut self, by: [DVec3; 2]) {
-        self.carried = self.pose.map(|p| BladePose { tip: p.tip + by[0], base: p.base + by[1], ..p });
+    /// The tissue has carried what the blade was in at the newest pose and at the last sample away by so much, at their tips and bases,
+    /// metres (MATHS 5.5). Samples on the way to the next pose are placed between there and that: the blade goes on in the tissue from
+    /// where it was in it.
+    pub fn carry(&mut self, [newest, sample]: [[DVec3; 2]; 2]) {
+        self.carried = self.carried.or(self.pose).map(|p| p.moved(newest));
+        self.sample = self.sample.map(|p| p.moved(sample));
+        self.axial_tip += sample[0];
     }
 
     /// Ends the stroke: the last pose becomes a sample if it is not one already.
     pub fn finish(&mut self, out: &mut Vec<PathSample>) {
-        if let (Some(pose), Some(sample)) = (self.pose, self.sample)
-            && (pose.tip != sample.tip || pose.base != sample.base)
+        if let (Some(seen), Some(sample), Some(taken)) = (self.pose, self.sample, self.taken)
+            && (seen.tip != taken.tip || seen.base != taken.base)
         {
-            let leg = self.leg(&sample, pose, pose);
-            let lateral = leg.lateral(0.0);
-            if lateral >= self.sampling.least_travel {
-                self.emit(pose, SampleKind::Move, out);
+            let pose = self.carried.unwrap_or(seen);
+            let lateral = |sample: &BladePose, pose: BladePose| self.leg(sample, pose, pose).lateral(0.0);
+            let lateral = lateral(&sample, pose).min(lateral(&taken, seen));
+            let kind = if lateral >= self.sampling.least_travel {
+                SampleKind::Move
             } else if lateral > 1e-2 * self.sampling.least_travel {
-                self.emit(pose, SampleKind::End, out);
+                SampleKind::End
             } else {
-                self.emit(pose, SampleKind::Axial, out);
-            }
+                SampleKind::Axial
+            };
+            self.emit(pose, seen, kind, out);
         }
         *self = Self::new(self.sampling);
     }
 
-    fn emit(&mut self, pose: BladePose, kind: SampleKind, out: &mut Vec<PathSample>) {
+    /// A sample at `pose` in the tissue, taken where the blade was `seen`.
+    fn emit(&mut self, pose: BladePose, seen: BladePose, kind: SampleKind, out: &mut Vec<PathSample>) {
         out.push(PathSample { pose, kind });
         self.axial_tip = pose.tip;
         if kind != SampleKind::Axial {
-            self.sample = Some(pose);
+            (self.sample, self.taken) = (Some(pose), Some(seen));
         }
     }
 
-    /// An extra sample at `from`, where the path has turned or changed speed since the last sample.
-    fn corner(&mut self, from: &BladePose, to: &BladePose, out: &mut Vec<PathSample>) {
+    /// An extra sample where the leg begins, where the path has turned or changed speed since the last sample.
+    fn corner(&mut self, ways: &Ways, out: &mut Vec<PathSample>) {
+        let Ways { seen: [seen, to], from } = ways;
         let up = from.up();
         let step = reject(to.tip - from.tip, up);
         let length = step.length();
@@ -178,28 +206,39 @@ impl PathSampler {
         let (slow, fast) = (old.speed.min(heading.speed), old.speed.max(heading.speed));
         if turned || fast > slow * self.sampling.speed_factor {
             self.heading = Some(heading);
-            let Some(sample) = self.sample else { return };
-            if self.leg(&sample, *from, *from).lateral(0.0) >= self.sampling.least_travel {
-                self.emit(*from, SampleKind::Move, out);
+            let (Some(sample), Some(taken)) = (self.sample, self.taken) else { return };
+            let has_gone =
+                |sample: &BladePose, to: &BladePose| self.leg(sample, *to, *to).lateral(0.0) >= self.sampling.least_travel;
+            if has_gone(&sample, from) && (from == seen && sample == taken || has_gone(&taken, seen)) {
+                self.emit(*from, *seen, SampleKind::Move, out);
             }
         }
     }
 
-    fn walk(&mut self, from: BladePose, to: BladePose, out: &mut Vec<PathSample>) {
+    fn walk(&mut self, ways: &Ways, out: &mut Vec<PathSample>) {
+        let Ways { seen: [seen, to], from } = *ways;
         let mut u = 0.0;
         let travel = (to.tip - from.tip).length().max((to.base - from.base).length());
         let coarse = travel / f64::from(MOST_SAMPLES_PER_POSE);
         // Rounding far from the origin could keep a sample due for ever: the count ends it.
         for _ in 0..4 * MOST_SAMPLES_PER_POSE {
-            let Some(sample) = self.sample else { return };
+            let (Some(sample), Some(taken)) = (self.sample, self.taken) else { return };
+            if from != seen || sample != taken {
+                u = self.leaves(&self.leg_from(&taken, taken.tip, seen, to), u);
+            }
             let leg = self.leg(&sample, from, to);
             let (next, kind) = self.next_event(&leg, &sample, u, coarse);
             if next.is_nan() || next > 1.0 {
                 return;
             }
             u = next;
-            self.emit(from.lerp(&to, u), kind, out);
+            self.emit(from.lerp(&to, u), seen.lerp(&to, u), kind, out);
         }
+    }
+
+    /// The first `u` from `after` on at which the blade is not seen where the leg's sample was taken; infinite if it stands there.
+    fn leaves(&self, seen: &Leg, after: f64) -> f64 {
+        seen.reaches(self.sampling.least_travel, after).min(seen.slides(self.sampling.axial_step, after))
     }
 
     /// The first `u` past `after` at which a sample is due (infinite if none is), and its kind.
@@ -222,6 +261,10 @@ impl PathSampler {
     }
 
     fn leg(&self, sample: &BladePose, from: BladePose, to: BladePose) -> Leg {
+        self.leg_from(sample, self.axial_tip, from, to)
+    }
+
+    fn leg_from(&self, sample: &BladePose, axial_tip: DVec3, from: BladePose, to: BladePose) -> Leg {
         let axis = sample.up();
         // Of a blade much longer than the model only the part that can reach it counts: one and the same part all along the leg,
         // so that a point between two poses moves evenly, as the blade does.
@@ -233,7 +276,7 @@ impl PathSampler {
             from,
             to,
             across: [across(sample.tip, from.tip, to.tip), across(reach(sample), reach(&from), reach(&to))],
-            along: ((from.tip - self.axial_tip).dot(axis), (to.tip - from.tip).dot(axis)),
+            along: ((from.tip - axial_tip).dot(axis), (to.tip - from.tip).dot(axis)),
         }
     }
 }
@@ -322,7 +365,7 @@ mod tests {
             for k in 0..60 {
                 let t = f64::from(k) * step;
                 if carries && k > 0 {
-                    sampler.carry([DVec3::Y * up * step; 2]);
+                    sampler.carry([[DVec3::Y * up * step; 2]; 2]);
                 }
                 sampler.push(pose(t, [0.37 * t, 0.0, 0.0]), &mut out);
                 for sample in out.drain(..) {
@@ -338,7 +381,7 @@ mod tests {
         let still = [pose(0.0, [0.0; 3]), pose(0.1, [0.1, 0.0, 0.03])];
         let (mut sampler, mut out) = (PathSampler::new(sampling()), Vec::new());
         for p in still {
-            sampler.carry([DVec3::ZERO; 2]);
+            sampler.carry([[DVec3::ZERO; 2]; 2]);
             sampler.push(p, &mut out);
         }
         sampler.finish(&mut out);

@@ -82,9 +82,17 @@ impl Stroke {
         self.previous = None;
     }
 
-    /// The sampler, to be told where the tissue carries the newest pose.
-    pub fn sampler(&mut self) -> &mut PathSampler {
-        &mut self.sampler
+    /// Tip and base of the newest pose and of the last sample where the tissue has carried them.
+    pub fn carried(&self) -> Option<[[DVec3; 2]; 2]> {
+        self.sampler.carried()
+    }
+
+    /// The tissue has carried those by so much since (MATHS 5.5).
+    pub fn carry(&mut self, by: [[DVec3; 2]; 2]) {
+        self.sampler.carry(by);
+        if let Some(previous) = &mut self.previous {
+            previous.carry(by[1]);
+        }
     }
 
     /// The chain builder: pending quads to re-pose, counts.
@@ -142,3 +150,7 @@ pub fn tear_segments(poses: &[BladePose], width: f64, sampling: Sampling, surfac
 #[cfg(test)]
 #[path = "stroke_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "stroke_moving_tests.rs"]
+mod moving_tests;

@@ -7,17 +7,19 @@ use crate::surgery::{JointId, PendingQuad};
 use crate::tissue::Tissue;
 use glam::DVec3;
 
-/// A quad goes with so many vertices: those at its end of the slot on both lips. One alone may hang by a bone that its neighbours do not.
+/// A quad goes with so many vertices at most: where it does not go through a face, those at its end of the slot on both lips. One alone may
+/// hang by a bone that its neighbours do not.
 const TIED: usize = 4;
 
 /// A pending quad tied to the tissue by the frames of vertices near it, of which it takes the mean (MATHS 5.5): that keeps what is plane
-/// plane. One that a box has ended at is fitted to the vertices on it, too.
+/// plane. Those of the face that it goes through weigh as they do where it goes through, which stays with the skin so. One that a box has
+/// ended at is fitted to the vertices on it, too.
 pub(super) struct Tie {
     serial: u32,
     joint: Option<JointId>,
     pins: Pins,
-    vertices: Few,
-    /// The quad at rest, for each of the vertices.
+    anchors: Anchors,
+    /// The quad at rest, for each of the vertices: seen from the point of the skin, if there is one, else from the vertex.
     rest: [[DVec3; 4]; TIED],
     posed: [DVec3; 4],
 }
@@ -31,11 +33,36 @@ fn only(v: VertexId) -> Few {
     few
 }
 
+/// What a quad is tied to.
+#[derive(Clone, Copy)]
+struct Anchors {
+    vertices: Few,
+    /// They add up to 1.
+    weights: [f64; TIED],
+    /// The point of the skin that they give, if they are corners of a face.
+    point: Option<DVec3>,
+}
+
+impl Anchors {
+    /// Vertices that weigh all alike.
+    fn alike(vertices: Few) -> Self {
+        let count = vertices.iter().filter(|v| v.is_some()).count() as f64;
+        Self { vertices, weights: vertices.map(|v| if v.is_some() { 1.0 / count } else { 0.0 }), point: None }
+    }
+
+    fn are_any(&self) -> bool {
+        self.vertices[0].is_some()
+    }
+}
+
 impl Tie {
-    fn new(tissue: &Tissue, quad: &PendingQuad<'_>, vertices: Few) -> Self {
+    fn new(tissue: &Tissue, quad: &PendingQuad<'_>, anchors: Anchors) -> Self {
+        let Anchors { vertices, point, .. } = anchors;
         let (serial, joint, posed) = (quad.serial, quad.joint, *quad.corners);
-        let at_rest = |v: VertexId| if v.is_some() { posed.map(tissue.rest_frame(v, tissue.position(v))) } else { posed };
-        let mut tie = Self { serial, joint, pins: Pins::default(), vertices, rest: vertices.map(at_rest), posed };
+        let at_rest = |v: VertexId| {
+            if v.is_some() { posed.map(tissue.rest_frame(v, point.unwrap_or_else(|| tissue.position(v)))) } else { posed }
+        };
+        let mut tie = Self { serial, joint, pins: Pins::default(), anchors, rest: vertices.map(at_rest), posed };
         tie.posed = tie.carried(tissue);
         tie
     }
@@ -47,7 +74,7 @@ impl Tie {
     }
 
     fn vertices(&self) -> impl Iterator<Item = VertexId> + '_ {
-        self.vertices.iter().copied().take_while(|v| v.is_some())
+        self.anchors.vertices.iter().copied().take_while(|v| v.is_some())
     }
 
     /// Where the quad's corners are now; `position` gives those of live vertices.
@@ -58,11 +85,11 @@ impl Tie {
     /// Where the frames alone carry them.
     fn carried(&self, tissue: &Tissue) -> [DVec3; 4] {
         let mut sums = [DVec3::ZERO; 4];
-        for (v, corners) in self.vertices().zip(&self.rest) {
+        for ((v, corners), weight) in self.vertices().zip(&self.rest).zip(self.anchors.weights) {
             let to_posed = tissue.posed_frame(v);
-            sums.iter_mut().zip(corners).for_each(|(sum, &p)| *sum += to_posed(p));
+            sums.iter_mut().zip(corners).for_each(|(sum, &p)| *sum += to_posed(p) * weight);
         }
-        sums.map(|sum| sum / self.vertices().count() as f64)
+        sums
     }
 }
 
@@ -82,6 +109,23 @@ fn nearest_few(tissue: &Tissue, vertices: &[VertexId], (p, reach): (DVec3, f64),
     found.map(|f| f.1)
 }
 
+/// The corners of the face where a blade, tip and top, first goes through the skin, and how they weigh there.
+fn through(tissue: &Tissue, [tip, top]: [DVec3; 2], position: &impl Fn(VertexId) -> DVec3) -> Option<Anchors> {
+    let (along, face) = tissue.blade_entry_at(tip, top, position)?;
+    let corners = tissue.mesh.face(face);
+    let [a, b, c] = corners.map(position);
+    let normal = (b - a).cross(c - a);
+    let p = top.lerp(tip, along);
+    let share = |q: DVec3, r: DVec3| (q - p).cross(r - p).dot(normal) / normal.length_squared();
+    let weights = [share(b, c), share(c, a), share(a, b)];
+    let is_inside = weights.iter().all(|w| (-0.01..=1.01).contains(w));
+    is_inside.then(|| Anchors {
+        vertices: [corners[0], corners[1], corners[2], VertexId::NONE],
+        weights: [weights[0], weights[1], weights[2], 0.0],
+        point: Some(p),
+    })
+}
+
 impl TearStroke {
     /// Moves the pending quads with the tissue (MATHS 5.5). Those it has not moved keep their bits.
     pub(super) fn follow_tissue(&mut self, tissue: &Tissue) {
@@ -89,7 +133,8 @@ impl TearStroke {
         if let Some(tie) = pose_tie {
             let now = tie.carried(tissue);
             if now != tie.posed {
-                stroke.sampler().carry([now[0] - tie.posed[0], now[2] - tie.posed[2]]);
+                let by = |k: usize| now[k] - tie.posed[k];
+                stroke.carry([[by(0), by(1)], [by(2), by(3)]]);
             }
         }
         for quad in stroke.builder().pending_quads_mut() {
@@ -126,7 +171,7 @@ impl TearStroke {
             let [tip, top] = [(corners[0] + corners[1]) / 2.0, (corners[2] + corners[3]) / 2.0];
             let end = slits.end_on(tissue, [tip, top]);
             let is_there = |t: &Tie| t.vertices().all(|v| tissue.mesh.vertex_is_live(v));
-            let keeps = |t: &Tie| t.joint == quad.joint && is_there(t) && end.is_none_or(|v| t.vertices == only(v));
+            let keeps = |t: &Tie| t.joint == quad.joint && is_there(t) && end.is_none_or(|v| t.anchors.vertices == only(v));
             let old = ties[kept..].iter().position(|t| t.serial == quad.serial && keeps(t));
             if let Some(at) = old {
                 ties.swap(kept, kept + at);
@@ -136,24 +181,25 @@ impl TearStroke {
             // the blade may have gone elsewhere since the last box
             let reach = 2.0 * corners[0].distance(corners[2]);
             let seen = |v| positions.of(tissue, v);
-            let mut vertices = end.map_or_else(|| nearest_few(tissue, nearby, (top, reach), &seen), only);
-            if vertices[0].is_none() {
-                let nearest = nearest_vertex(tissue, candidates, top, &seen).or_else(|| tissue.any_vertex_near(top));
-                vertices = only(nearest.unwrap_or(VertexId::NONE));
-            }
-            if vertices[0].is_some() {
+            let through = || through(tissue, [tip, top], &seen);
+            let near = || Some(Anchors::alike(nearest_few(tissue, nearby, (top, reach), &seen))).filter(Anchors::are_any);
+            let nearest = || nearest_vertex(tissue, candidates, top, &seen).or_else(|| tissue.any_vertex_near(top));
+            let one = |v| Anchors::alike(only(v));
+            let anchors = end.map(one).or_else(through).or_else(near).or_else(|| nearest().map(one));
+            if let Some(anchors) = anchors {
                 let boxes = ended.iter().filter(|e| quad.joint.is_some() && e.joint == quad.joint);
                 let on_joint = boxes.flat_map(|e| &e.tags).map(|t| t.vertex);
-                ties.insert(kept, Tie::new(tissue, &quad, vertices).pinned(on_joint, seen));
+                ties.insert(kept, Tie::new(tissue, &quad, anchors).pinned(on_joint, seen));
                 kept += 1;
             }
         }
         ties.truncate(kept);
         // the newest sample is the nearest to the newest pose
-        let newest = ties.iter().max_by_key(|t| t.serial).map(|t| t.vertices);
-        self.pose_tie = newest.zip(self.stroke.sampler().newest()).map(|(vertices, [tip, base])| {
-            let mut corners = [tip, tip, base, base];
-            Tie::new(tissue, &PendingQuad { serial: 0, joint: None, corners: &mut corners }, vertices)
+        let newest = ties.iter().max_by_key(|t| t.serial).map(|t| Anchors { point: None, ..t.anchors });
+        self.pose_tie = newest.zip(self.stroke.carried()).map(|(anchors, [[tip, base], [sample_tip, sample_base]])| {
+            let anchors = through(tissue, [tip, base], &|v| positions.of(tissue, v)).unwrap_or(anchors);
+            let mut corners = [tip, base, sample_tip, sample_base];
+            Tie::new(tissue, &PendingQuad { serial: 0, joint: None, corners: &mut corners }, anchors)
         });
     }
 }
@@ -196,7 +242,7 @@ mod tests {
         let at = |share: f64| tissue.any_vertex_near(low.lerp(high, share)).unwrap();
         let vertices = [at(0.2), at(0.45), at(0.7), at(0.9)];
         let mut corners = quad;
-        let tie = Tie::new(&tissue, &PendingQuad { serial: 0, joint: None, corners: &mut corners }, vertices);
+        let tie = Tie::new(&tissue, &PendingQuad { serial: 0, joint: None, corners: &mut corners }, Anchors::alike(vertices));
         let animation = tissue.rig.animation_by_name("bend");
         tissue.set_pose(0.3, animation, 0.3);
         let height = |q: [DVec3; 4]| (q[1] - q[0]).cross(q[3] - q[0]).normalize().dot(q[2] - q[0]).abs();

@@ -81,7 +81,8 @@ fn a_slit_without_width_has_two_lips() {
             steps += strains_along_lips(only(&scene), 0).iter().filter(|(.., strain)| *strain > 0.5).count();
         }
     }
-    assert!(threads <= 1 && steps <= 2, "{threads} threads, {steps} steps");
+    // one is an edge of 0.2 mm, which goes by 0.15; the other two are where both lips of a slit have come off its plane
+    assert!(threads == 0 && steps <= 3, "{threads} threads, {steps} steps");
 }
 
 /// Where tissue moves, strips part at rest what they did not part as they were cut, by as little as it moved in between. What lies right
