@@ -63,9 +63,7 @@ impl ClippedSample {
         });
         Self { pose, kind: sample.kind, top, raise: 0.0 }
     }
-}
 
-impl ClippedSample {
     /// Moves the blade's tip and base by so much, metres, and what is clipped of it with them.
     pub(super) fn carry(&mut self, by: [DVec3; 2]) {
         let pose = self.pose.moved(by);
@@ -91,12 +89,17 @@ pub struct PathSampler {
     pose: Option<BladePose>,
     /// Where the tissue has carried that since.
     carried: Option<BladePose>,
-    /// The last sample but axial ones, where the tissue has carried it.
-    sample: Option<BladePose>,
-    /// Where it was taken.
-    taken: Option<BladePose>,
+    /// The last sample but axial ones.
+    sample: Option<Sampled>,
     axial_tip: DVec3,
     heading: Option<Heading>,
+}
+
+/// Where a sample was taken, and where the tissue has carried it since.
+#[derive(Clone, Copy, Debug)]
+struct Sampled {
+    seen: BladePose,
+    carried: BladePose,
 }
 
 /// The ways from one pose to the next.
@@ -120,7 +123,7 @@ struct Leg {
 impl PathSampler {
     /// A sampler for one stroke.
     pub fn new(sampling: Sampling) -> Self {
-        Self { sampling, pose: None, carried: None, sample: None, taken: None, axial_tip: DVec3::ZERO, heading: None }
+        Self { sampling, pose: None, carried: None, sample: None, axial_tip: DVec3::ZERO, heading: None }
     }
 
     /// Takes the next pose and appends the samples between the one before and it. Poses that are not finite, have no
@@ -147,7 +150,7 @@ impl PathSampler {
     /// Tip and base of the newest pose and of the last sample where the tissue has carried them, for a caller whose tissue moves.
     pub fn carried(&self) -> Option<[[DVec3; 2]; 2]> {
         let newest = self.carried.or(self.pose)?;
-        Some([newest, self.sample.unwrap_or(newest)].map(|p| [p.tip, p.base]))
+        Some([newest, self.sample.map_or(newest, |s| s.carried)].map(|p| [p.tip, p.base]))
     }
 
     /// The tissue has carried what the blade was in at the newest pose and at the last sample away by so much, at their tips and bases,
@@ -155,18 +158,18 @@ impl PathSampler {
     /// where it was in it.
     pub fn carry(&mut self, [newest, sample]: [[DVec3; 2]; 2]) {
         self.carried = self.carried.or(self.pose).map(|p| p.moved(newest));
-        self.sample = self.sample.map(|p| p.moved(sample));
+        self.sample = self.sample.map(|s| Sampled { carried: s.carried.moved(sample), ..s });
         self.axial_tip += sample[0];
     }
 
     /// Ends the stroke: the last pose becomes a sample if it is not one already.
     pub fn finish(&mut self, out: &mut Vec<PathSample>) {
-        if let (Some(seen), Some(sample), Some(taken)) = (self.pose, self.sample, self.taken)
-            && (seen.tip != taken.tip || seen.base != taken.base)
+        if let (Some(seen), Some(sample)) = (self.pose, self.sample)
+            && (seen.tip != sample.seen.tip || seen.base != sample.seen.base)
         {
             let pose = self.carried.unwrap_or(seen);
             let lateral = |sample: &BladePose, pose: BladePose| self.leg(sample, pose, pose).lateral(0.0);
-            let lateral = lateral(&sample, pose).min(lateral(&taken, seen));
+            let lateral = lateral(&sample.carried, pose).min(lateral(&sample.seen, seen));
             let kind = if lateral >= self.sampling.least_travel {
                 SampleKind::Move
             } else if lateral > 1e-2 * self.sampling.least_travel {
@@ -184,7 +187,7 @@ impl PathSampler {
         out.push(PathSample { pose, kind });
         self.axial_tip = pose.tip;
         if kind != SampleKind::Axial {
-            (self.sample, self.taken) = (Some(pose), Some(seen));
+            self.sample = Some(Sampled { seen, carried: pose });
         }
     }
 
@@ -206,10 +209,11 @@ impl PathSampler {
         let (slow, fast) = (old.speed.min(heading.speed), old.speed.max(heading.speed));
         if turned || fast > slow * self.sampling.speed_factor {
             self.heading = Some(heading);
-            let (Some(sample), Some(taken)) = (self.sample, self.taken) else { return };
+            let Some(sample) = self.sample else { return };
             let has_gone =
                 |sample: &BladePose, to: &BladePose| self.leg(sample, *to, *to).lateral(0.0) >= self.sampling.least_travel;
-            if has_gone(&sample, from) && (from == seen && sample == taken || has_gone(&taken, seen)) {
+            let stands_still = from == seen && sample.carried == sample.seen;
+            if has_gone(&sample.carried, from) && (stands_still || has_gone(&sample.seen, seen)) {
                 self.emit(*from, *seen, SampleKind::Move, out);
             }
         }
@@ -222,12 +226,12 @@ impl PathSampler {
         let coarse = travel / f64::from(MOST_SAMPLES_PER_POSE);
         // Rounding far from the origin could keep a sample due for ever: the count ends it.
         for _ in 0..4 * MOST_SAMPLES_PER_POSE {
-            let (Some(sample), Some(taken)) = (self.sample, self.taken) else { return };
-            if from != seen || sample != taken {
-                u = self.leaves(&self.leg_from(&taken, taken.tip, seen, to), u);
+            let Some(sample) = self.sample else { return };
+            if from != seen || sample.carried != sample.seen {
+                u = self.leaves(&self.leg_from(&sample.seen, sample.seen.tip, seen, to), u);
             }
-            let leg = self.leg(&sample, from, to);
-            let (next, kind) = self.next_event(&leg, &sample, u, coarse);
+            let leg = self.leg(&sample.carried, from, to);
+            let (next, kind) = self.next_event(&leg, &sample.carried, u, coarse);
             if next.is_nan() || next > 1.0 {
                 return;
             }
