@@ -22,5 +22,5 @@ pub fn with_headroom(len: usize) -> usize {
 
 /// [`headroom`] for `len` entries in rows that move to the end when they grow: an hour's edits write more than there was.
 pub fn rows_headroom(len: usize) -> usize {
-    headroom(len) + (4 * len).clamp(1 << 17, 1 << 20)
+    headroom(len) + (4 * len).clamp(1 << 18, 1 << 20)
 }

@@ -72,6 +72,49 @@ impl Update<'_, '_> {
             self.cut_unshadowed(k);
             self.cut_neighbours(k);
             self.cut_by_new_sides(k);
+            self.cut_links_of_lips_beyond(k);
+        }
+    }
+
+    /// Links of lips that lie beyond a strip of their own, and are tested from their mirror images: those of strips in line before `k` across
+    /// that, and those of lips of `k` across the strips before.
+    fn cut_links_of_lips_beyond(&mut self, k: usize) {
+        let reach = self.reach();
+        let mut next = self.strips.last_in_line(k, k, reach);
+        while let Some(m) = next {
+            for i in 0..self.strips.lips_of(m).len() {
+                let v = self.strips.lips_of(m)[i];
+                if self.lives(v) && !self.strips.knows_side(k, v) && self.strips.is_beyond_own(self.rest, v) {
+                    self.cut_all_of(v, k);
+                }
+            }
+            for lip in self.edit.lips.iter().filter(|l| l.strip == k) {
+                if self.lives(lip.vertex) && self.strips.is_beyond_own(self.rest, lip.vertex) {
+                    self.cut_all_of(lip.vertex, m);
+                }
+            }
+            next = self.strips.last_in_line(m, k, reach);
+        }
+    }
+
+    fn lives(&self, v: VertexId) -> bool {
+        v.index() < self.map.influences.rows() && self.mesh.vertex_is_live(v)
+    }
+
+    /// All links of a vertex, and of particles that are anchored to it, that cross strip `k`.
+    fn cut_all_of(&mut self, v: VertexId, k: usize) {
+        let rows = &mut self.scratch.rows;
+        for influence in self.map.influences.row(v.index()) {
+            if self.strips.crosses(k, self.rest, self.map.anchors[influence.particle.index()], v) {
+                self.report.influences_removed += usize::from(rows.open(v, self.map).part(influence.particle));
+            }
+        }
+        // a wound particle may stand where another does
+        for i in 0..self.scratch.near.len() {
+            let j = self.scratch.near[i];
+            if self.map.anchors[j.index()] == v {
+                self.cut_all_that_cross(k, j);
+            }
         }
     }
 
@@ -81,23 +124,8 @@ impl Update<'_, '_> {
         let Some(before) = self.strips.last_of(k) else { return };
         for lip in self.edit.lips.iter().filter(|l| l.strip == k) {
             let v = lip.vertex;
-            if !self.strips.knows_side_by(before, k, v) || v.index() >= self.map.influences.rows() || !self.mesh.vertex_is_live(v)
-            {
-                continue;
-            }
-            let crosses = |w: VertexId| self.strips.crosses(before, self.rest, w, v);
-            let rows = &mut self.scratch.rows;
-            for influence in self.map.influences.row(v.index()) {
-                if crosses(self.map.anchors[influence.particle.index()]) {
-                    self.report.influences_removed += usize::from(rows.open(v, self.map).part(influence.particle));
-                }
-            }
-            // a wound particle may stand where another does
-            for i in 0..self.scratch.near.len() {
-                let j = self.scratch.near[i];
-                if self.map.anchors[j.index()] == v {
-                    self.cut_all_that_cross(before, j);
-                }
+            if self.lives(v) && self.strips.knows_side_by(before, k, v) {
+                self.cut_all_of(v, before);
             }
         }
     }

@@ -15,6 +15,8 @@ use glam::{DVec3, Vec3A, Vec4};
 const FEW: usize = 24;
 /// Strips that a link is looked at together for.
 const BATCH: usize = 4;
+/// A bit for each of them.
+const ALL: u32 = (1 << BATCH) - 1;
 /// Strips near particles, over all of them, that are made room for at first.
 const ROOM: usize = 1 << 16;
 
@@ -133,6 +135,8 @@ impl AskedFirst {
 #[derive(Clone, Debug, Default)]
 struct StripsAround {
     strips: Vec<(u32, u16)>,
+    /// See [`Strips::is_beyond_own`].
+    is_beyond: bool,
     is_known: bool,
 }
 
@@ -157,7 +161,7 @@ impl VertexKey {
 impl TestedEnd {
     /// For as many strips as lips mostly know, where wounds cross too.
     fn with_room() -> Self {
-        let around = StripsAround { strips: Vec::with_capacity(64), is_known: false };
+        let around = StripsAround { strips: Vec::with_capacity(64), ..StripsAround::default() };
         Self { of: VertexKey::default(), around, views: LipViews { views: Vec::with_capacity(16) } }
     }
 
@@ -175,13 +179,14 @@ impl TestedEnd {
 }
 
 impl StripsAround {
-    fn of(&mut self, strips: &Strips, rest: &[DVec3], v: VertexId) -> &[(u32, u16)] {
+    fn of(&mut self, strips: &Strips, rest: &[DVec3], v: VertexId) -> &Self {
         if !self.is_known {
             self.is_known = true;
             list_strips_around(strips, v, &mut self.strips, |k| (k, 0));
             self.strips.iter_mut().for_each(|(k, code)| *code = strips.code_of(*k as usize, rest, v));
+            self.is_beyond = strips.is_beyond_own(rest, v);
         }
-        &self.strips
+        self
     }
 }
 
@@ -335,11 +340,11 @@ impl LinkUnderTest<'_> {
     }
 
     /// The same with the anchor's outcode, and that of `v` where `around` has it.
-    fn crosses_listed(&mut self, (k, code): (u32, u16), around: &[(u32, u16)]) -> bool {
+    fn crosses_listed(&mut self, (k, code): (u32, u16), around: &StripsAround) -> bool {
         let [a, p] = self.ends();
-        match around.iter().find(|a| a.0 == k) {
+        match around.strips.iter().find(|a| a.0 == k) {
             Some(&(_, own)) => self.crosses_coded(k, [code, own]),
-            None if code == 0 => self.crosses(k),
+            None if code == 0 || around.is_beyond => self.crosses(k),
             None => {
                 let k = k as usize;
                 self.strips.geometry(k).crosses(a, p) && !(self.is_lip && self.strips.are_of_one_lip(k, [self.anchor, self.v]))
@@ -356,22 +361,23 @@ impl NearStrips {
         link: &mut LinkUnderTest<'_>,
         listed: Listed<'_>,
         radius: f64,
-        around: &[(u32, u16)],
+        around: &StripsAround,
         batches: &[usize],
     ) -> Option<u32> {
         let [a, p] = link.ends();
         let (d, slack) = ((p - a).as_vec3a(), Vec4::splat(Sight::slack(radius)));
         let bounds = (below(a.min(p)), above(a.max(p)));
-        let parts = |i: usize| {
-            listed.strips.get(i).is_some_and(|&strip| {
-                listed.sights[i / BATCH].met(d, bounds, slack) >> (i % BATCH) & 1 == 1 && link.crosses_listed(strip, around)
-            })
-        };
+        // where a link is tested from elsewhere, what it looks like from here tells nothing
+        let met = |batch: usize| if around.is_beyond { ALL } else { listed.sights[batch].met(d, bounds, slack) };
+        let is_met = |i: usize| met(i / BATCH) >> (i % BATCH) & 1 == 1;
+        let parts = |i: usize| listed.strips.get(i).is_some_and(|&strip| is_met(i) && link.crosses_listed(strip, around));
         if let Some(i) = self.parting.find(parts) {
             return Some(listed.strips[i].0);
         }
-        for &batch in batches {
-            let mut met = listed.sights[batch].met(d, bounds, slack);
+        let all = around.is_beyond.then(|| (0..listed.sights.len()).rev());
+        let seen = if around.is_beyond { &[] } else { batches };
+        for batch in all.into_iter().flatten().chain(seen.iter().copied()) {
+            let mut met = met(batch);
             while met != 0 {
                 let i = BATCH * batch + met.trailing_zeros() as usize;
                 met &= met - 1;
@@ -385,7 +391,7 @@ impl NearStrips {
         }
         // a known side may stand against geometry, so those strips are tested wherever they are
         let mut older = listed.strips;
-        for &(k, own) in around.iter().rev() {
+        for &(k, own) in around.strips.iter().rev() {
             while let [rest @ .., (last, _)] = older
                 && *last > k
             {

@@ -226,7 +226,9 @@ impl Strips {
     /// Tells the strips that the link between two vertices crosses, some twice, until `is_enough`.
     pub(super) fn each_crossed(&self, rest: &[DVec3], a: VertexId, b: VertexId, mut is_enough: impl FnMut(usize) -> bool) {
         let (p, q) = (rest[a.index()], rest[b.index()]);
-        let query = aabb(p.min(q), p.max(q));
+        let images = self.images(rest, a).chain(self.images(rest, b));
+        let (low, high) = images.fold((p.min(q), p.max(q)), |(low, high), p| (low.min(p), high.max(p)));
+        let query = aabb(low, high);
         if self.derived.bvh.intersect_aabb(&query).any(|k| self.crosses(k as usize, rest, a, b) && is_enough(k as usize)) {
             return;
         }
@@ -255,7 +257,36 @@ impl Strips {
 
     /// A vertex as the end of a link that may cross strip `k`.
     pub(super) fn link_end(&self, k: usize, rest: &[DVec3], v: VertexId) -> LinkEnd {
-        LinkEnd { at: rest[v.index()], side: self.known_side(k, v) }
+        LinkEnd { at: self.image(k, rest, v).unwrap_or(rest[v.index()]), side: self.known_side(k, v) }
+    }
+
+    /// Where links of a vertex across strip `k` are tested from that is a lip of a strip in line with `k` and lies beyond that one: its
+    /// mirror image, which is on its side ([`StripGeometry::on_side`]).
+    fn image(&self, k: usize, rest: &[DVec3], v: VertexId) -> Option<DVec3> {
+        let along = &self.derived.along;
+        let in_line = |lip: &&LipSide| along[lip.strip as usize].is_in_line(&along[k]);
+        self.lip_sides(v).iter().filter(in_line).find_map(|lip| self.image_by(lip, rest, v))
+    }
+
+    fn image_by(&self, lip: &LipSide, rest: &[DVec3], v: VertexId) -> Option<DVec3> {
+        self.geometry(lip.strip as usize).on_side(rest[v.index()], lip.side as i8)
+    }
+
+    /// All mirror images of a vertex that lies beyond strips that it is a lip of: mostly none.
+    fn images<'a>(&'a self, rest: &'a [DVec3], v: VertexId) -> impl Iterator<Item = DVec3> + 'a {
+        self.lip_sides(v).iter().filter_map(move |lip| self.image_by(lip, rest, v))
+    }
+
+    /// True if a vertex lies beyond a strip that it is a lip of: its links are tested from elsewhere than where it is.
+    pub(super) fn is_beyond_own(&self, rest: &[DVec3], v: VertexId) -> bool {
+        self.images(rest, v).next().is_some()
+    }
+
+    /// The strip that strip `m` goes on from, if little turns between that and strip `k` and its bounds are within `reach` of those of `k`.
+    pub(super) fn last_in_line(&self, m: usize, k: usize, reach: f64) -> Option<usize> {
+        let StripGeometry { low, high, .. } = *self.geometry(k);
+        let along = &self.derived.along;
+        self.last_of(m).filter(|&l| along[l].is_in_line(&along[k]) && !self.geometry(l).is_beside(low, high, reach))
     }
 
     /// How a vertex that knows its side of strip `k` lies to it.
@@ -271,12 +302,17 @@ impl Strips {
         if by == k { None } else { self.geometry(by).on_side(at, lip.side as i8) }
     }
 
-    /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same.
+    /// Outcode of a vertex to strip `k`; 0, which parts it from nothing, where it knows its side and geometry does not say the same, and where
+    /// its links are tested from elsewhere.
     pub(super) fn code_of(&self, k: usize, rest: &[DVec3], v: VertexId) -> u16 {
         let code = self.geometry(k).outcode(rest[v.index()]);
         let stands_against =
             |lip: &LipSide| !StripGeometry::is_on_side(code, lip.side as i8) || self.beside(k, lip, rest[v.index()]).is_some();
-        if self.telling_lip(k, v).is_some_and(stands_against) { 0 } else { code }
+        let is_elsewhere = match self.telling_lip(k, v) {
+            Some(lip) => stands_against(lip),
+            None => self.image(k, rest, v).is_some(),
+        };
+        if is_elsewhere { 0 } else { code }
     }
 
     /// True if `v` knows its side of strip `k`, whatever geometry says.

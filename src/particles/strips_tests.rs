@@ -117,6 +117,35 @@ fn pieces_share_what_is_derived_until_one_is_torn() {
     assert!(pieces[1].connects(DVec3::new(1.5, -0.1, -0.5), DVec3::new(1.5, 0.1, -0.5)));
 }
 
+/// A lip that lies beyond its strip, as where a slit went through a vertex beside the blade's line, links to its own side of a slit that bends,
+/// and to nothing on the other, however many strips lie between.
+#[test]
+fn a_lip_beyond_its_strip_links_to_its_own_side_of_the_bend() {
+    let mut strips = Strips::default();
+    let bend = |x: f64| -0.5 * x * x;
+    for i in 0..8 {
+        let [x0, x1] = [i, i + 1].map(|i| 0.1 * f64::from(i));
+        let corners = [(x0, -1.0), (x1, -1.0), (x1, 0.0), (x0, 0.0)].map(|(x, z)| DVec3::new(x, bend(x), z));
+        strips.push(corners, 0.2, 0).unwrap();
+    }
+    // side +1 is the one towards -y
+    let at = |x: f64, off: f64| DVec3::new(x, bend(x) + off, -0.5);
+    let rest = [at(0.65, 0.06), at(0.35, 0.005), at(0.35, -0.005)];
+    let [lip, opposite, beside] = [0, 1, 2].map(VertexId);
+    strips.set_lip(lip, 6, 1);
+    for ends in [[lip, opposite], [opposite, lip]] {
+        assert!(!strips.connects_vertices(&rest, ends[0], ends[1]));
+    }
+    for ends in [[lip, beside], [beside, lip]] {
+        assert!(strips.connects_vertices(&rest, ends[0], ends[1]));
+    }
+    assert_eq!(strips.code_of(3, &rest, lip), 0, "it is tested from elsewhere");
+    // one that is on its side is tested from where it is
+    strips.set_lip(lip, 6, -1);
+    assert!(strips.connects_vertices(&rest, lip, opposite) && !strips.connects_vertices(&rest, lip, beside));
+    assert_ne!(strips.code_of(3, &rest, lip), 0);
+}
+
 #[test]
 fn bad_strips_are_refused_and_bad_states_found() {
     let mut strips = Strips::default();

@@ -55,7 +55,8 @@ pub fn folded_skin(tissue: &Tissue) -> f64 {
 
 /// A slit without width has two lips, and nothing hangs between them: round its border an end lies between a lip and the other. Where skin
 /// beside the end of one strip had come over the blade's line, the next one cut a flap from its lip, and a thread was drawn over the slit;
-/// and what a particle on the lip had held of the strips before stood in steps. Of these sixteen, ten had threads, and 28 edges were steps.
+/// and what a particle on the lip had held of the strips before stood in steps; so did lips that lie beyond their strip, which particles on
+/// the other lip held. Of these sixteen, ten had threads, and 28 edges were steps.
 #[test]
 fn a_slit_without_width_has_two_lips() {
     let (mut threads, mut steps) = (0, 0);
@@ -77,12 +78,12 @@ fn a_slit_without_width_has_two_lips() {
                 scene.pose(t, 0.0);
                 scene.step(STEP);
             }
+            assert_eq!(scene.validate(), Ok(()), "{faces} faces, {poses} poses, bend {bend}");
             threads += changes_of_side(only(&scene));
             steps += strains_along_lips(only(&scene), 0).iter().filter(|(.., strain)| *strain > 0.5).count();
         }
     }
-    // one is an edge of 0.2 mm, which goes by 0.15; the other two are where both lips of a slit have come off its plane
-    assert!(threads == 0 && steps <= 3, "{threads} threads, {steps} steps");
+    assert!(threads == 0 && steps == 0, "{threads} threads, {steps} steps");
 }
 
 /// Where tissue moves, strips part at rest what they did not part as they were cut, by as little as it moved in between. What lies right
