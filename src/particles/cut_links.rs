@@ -3,6 +3,7 @@
 //! Which influences cross it? A particle throws the strip's shadow on what lies behind it, and only the vertices in there are
 //! looked at. Where a known side stands in for geometry there is no shadow, and all that such an end links to is tested.
 
+use super::map_edit::LipVertex;
 use super::map_update::{Update, UpdateScratch};
 use super::sight::Sight;
 use super::strip_test::StripGeometry;
@@ -80,17 +81,27 @@ impl Update<'_, '_> {
     /// that, and those of lips of `k` across the strips before.
     fn cut_links_of_lips_beyond(&mut self, k: usize) {
         let reach = self.reach();
+        // a vertex that is new has no row yet
+        let is_lip_only_now = |update: &Self, lip: &LipVertex| {
+            let is_old = |v| update.lives(v) && !update.map.influences.row(v.index()).is_empty();
+            lip.strip == k && is_old(lip.vertex) && update.strips.is_beyond_own(update.rest, lip.vertex)
+        };
+        let are_any_new = self.edit.lips.iter().any(|lip| is_lip_only_now(self, lip));
         let mut next = self.strips.last_in_line(k, k, reach);
         while let Some(m) = next {
-            for i in 0..self.strips.lips_of(m).len() {
+            let lips = if self.strips.may_have_lips_beyond(self.rest, m) { self.strips.lips_of(m).len() } else { 0 };
+            for i in 0..lips {
                 let v = self.strips.lips_of(m)[i];
-                if self.lives(v) && !self.strips.knows_side(k, v) && self.strips.is_beyond_own(self.rest, v) {
-                    self.cut_all_of(v, k);
+                if !self.lives(v) || self.strips.knows_side(k, v) {
+                    continue;
+                }
+                if let Some(image) = self.strips.image(k, self.rest, v) {
+                    self.cut_all_of(v, k, self.strips.geometry(k).outcode(image));
                 }
             }
-            for lip in self.edit.lips.iter().filter(|l| l.strip == k) {
-                if self.lives(lip.vertex) && self.strips.is_beyond_own(self.rest, lip.vertex) {
-                    self.cut_all_of(lip.vertex, m);
+            for lip in self.edit.lips.iter().filter(|_| are_any_new) {
+                if is_lip_only_now(self, lip) {
+                    self.cut_all_of(lip.vertex, m, 0);
                 }
             }
             next = self.strips.last_in_line(m, k, reach);
@@ -101,10 +112,14 @@ impl Update<'_, '_> {
         v.index() < self.map.influences.rows() && self.mesh.vertex_is_live(v)
     }
 
-    /// All links of a vertex, and of particles that are anchored to it, that cross strip `k`.
-    fn cut_all_of(&mut self, v: VertexId, k: usize) {
-        let rows = &mut self.scratch.rows;
+    /// All links of a vertex, and of particles that are anchored to it, that cross strip `k`. `code` is the vertex's outcode to the strip
+    /// whose outcodes of particles are kept; 0 tests all.
+    fn cut_all_of(&mut self, v: VertexId, k: usize, code: u16) {
+        let UpdateScratch { rows, codes, .. } = &mut *self.scratch;
         for influence in self.map.influences.row(v.index()) {
+            if StripGeometry::planes_part(code, codes.known(influence.particle)) {
+                continue;
+            }
             if self.strips.crosses(k, self.rest, self.map.anchors[influence.particle.index()], v) {
                 self.report.influences_removed += usize::from(rows.open(v, self.map).part(influence.particle));
             }
@@ -125,7 +140,7 @@ impl Update<'_, '_> {
         for lip in self.edit.lips.iter().filter(|l| l.strip == k) {
             let v = lip.vertex;
             if self.lives(v) && self.strips.knows_side_by(before, k, v) {
-                self.cut_all_of(v, before);
+                self.cut_all_of(v, before, 0);
             }
         }
     }

@@ -6,7 +6,7 @@ use super::lists::Lists;
 use super::particle_map::{Influence, ParticleMap};
 use super::point_grid::PointGrid;
 use super::settings::ParticleSettings;
-use super::strips::{LipSide, Strips};
+use super::strips::{LipSide, STROKES_ROOM, Strips};
 use crate::geometry::room::rows_headroom;
 use crate::geometry::{ParticleId, SlotCsr, VertexId};
 use glam::{DVec3, Vec3A};
@@ -23,6 +23,8 @@ pub(super) struct Places {
     pub(super) links: LinkTests,
     /// Vertices that are or once were lips of each strip.
     pub(super) lips: Lists<VertexId>,
+    /// True for strips that no lip lies beyond, as far as that has been looked up.
+    pub(super) none_beyond: Vec<bool>,
     /// One more than the highest strip that a lip was ever noted for, and the same at the last undo or redo.
     strips: usize,
     strips_before: usize,
@@ -63,11 +65,15 @@ impl Places {
     /// Makes room for what edits will add.
     pub(super) fn make_room(&mut self, vertices: usize, particles: usize) {
         self.lips.reserve(rows_headroom(vertices));
+        self.none_beyond.reserve(STROKES_ROOM);
         self.anchors.make_room();
         self.links.make_room(particles);
     }
 
     pub(super) fn note_lip(&mut self, v: VertexId, strip: usize) {
+        if let Some(none_beyond) = self.none_beyond.get_mut(strip) {
+            *none_beyond = false;
+        }
         if strip >= self.strips_before || !self.lips.get(strip).contains(&v) {
             self.strips = self.strips.max(strip + 1);
             self.lips.push(strip, v);
@@ -92,6 +98,7 @@ impl Places {
     pub(super) fn note_travel(&mut self) {
         self.is_built &= !self.is_late;
         self.strips_before = self.strips;
+        self.none_beyond.clear();
         self.holders.note_travel();
         self.links.clear();
     }

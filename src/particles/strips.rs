@@ -10,7 +10,7 @@ use super::settings::ParticleSettings;
 pub use super::slit_line::Strip;
 use super::slit_line::{Along, NONE};
 use super::strip_test::{KnownSide, LinkEnd, LipView, StripGeometry};
-use crate::geometry::room::{headroom, rows_headroom, with_headroom};
+use crate::geometry::room::{fit, headroom, rows_headroom, with_headroom};
 use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -20,7 +20,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 /// Strips that room is made for at first.
-const STROKES_ROOM: usize = 512;
+pub(super) const STROKES_ROOM: usize = 512;
 /// Strips that a vertex is a lip of, as many as there is room for at first.
 const LIPS_ROOM: usize = 32;
 
@@ -262,7 +262,7 @@ impl Strips {
 
     /// Where links of a vertex across strip `k` are tested from that is a lip of a strip in line with `k` and lies beyond that one: its
     /// mirror image, which is on its side ([`StripGeometry::on_side`]).
-    fn image(&self, k: usize, rest: &[DVec3], v: VertexId) -> Option<DVec3> {
+    pub(super) fn image(&self, k: usize, rest: &[DVec3], v: VertexId) -> Option<DVec3> {
         let along = &self.derived.along;
         let in_line = |lip: &&LipSide| along[lip.strip as usize].is_in_line(&along[k]);
         self.lip_sides(v).iter().filter(in_line).find_map(|lip| self.image_by(lip, rest, v))
@@ -280,6 +280,16 @@ impl Strips {
     /// True if a vertex lies beyond a strip that it is a lip of: its links are tested from elsewhere than where it is.
     pub(super) fn is_beyond_own(&self, rest: &[DVec3], v: VertexId) -> bool {
         self.images(rest, v).next().is_some()
+    }
+
+    /// False if no lip of strip `m` lies beyond a strip of its own, which is looked up once for as long as it gets no other lips.
+    pub(super) fn may_have_lips_beyond(&mut self, rest: &[DVec3], m: usize) -> bool {
+        fit(&mut self.places.none_beyond, m + 1, false);
+        if !self.places.none_beyond[m] {
+            let is_beyond = |v: &VertexId| v.index() < rest.len() && self.is_beyond_own(rest, *v);
+            self.places.none_beyond[m] = !self.lips_of(m).iter().any(is_beyond);
+        }
+        !self.places.none_beyond[m]
     }
 
     /// The strip that strip `m` goes on from, if little turns between that and strip `k` and its bounds are within `reach` of those of `k`.

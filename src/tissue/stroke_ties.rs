@@ -109,22 +109,6 @@ fn nearest_few(tissue: &Tissue, vertices: &[VertexId], (p, reach): (DVec3, f64),
     found.map(|f| f.1)
 }
 
-/// What a blade went through that was asked about last: the newest sample is mostly where the newest pose is.
-#[derive(Default)]
-struct LastThrough(Option<([DVec3; 2], Option<Anchors>)>);
-
-impl LastThrough {
-    /// [`through`], worked out once for blades that are one to within rounding.
-    fn of(&mut self, tissue: &Tissue, blade: [DVec3; 2], position: &impl Fn(VertexId) -> DVec3) -> Option<Anchors> {
-        let reach = 1e-12 * tissue.diagonal;
-        let is_it = |known: &[DVec3; 2]| (0..2).all(|k| known[k].distance_squared(blade[k]) <= reach * reach);
-        match &self.0 {
-            Some((known, anchors)) if is_it(known) => *anchors,
-            _ => self.0.insert((blade, through(tissue, blade, position))).1,
-        }
-    }
-}
-
 /// The corners of the face where a blade, tip and top, first goes through the skin, and how they weigh there.
 fn through(tissue: &Tissue, [tip, top]: [DVec3; 2], position: &impl Fn(VertexId) -> DVec3) -> Option<Anchors> {
     let (along, face) = tissue.blade_entry_at(tip, top, position)?;
@@ -182,7 +166,6 @@ impl TearStroke {
         }
         let pending = stroke.builder().pending_quads_mut();
         let mut kept = 0;
-        let mut skin = LastThrough::default();
         for quad in pending {
             let corners = *quad.corners;
             let [tip, top] = [(corners[0] + corners[1]) / 2.0, (corners[2] + corners[3]) / 2.0];
@@ -198,7 +181,7 @@ impl TearStroke {
             // the blade may have gone elsewhere since the last box
             let reach = 2.0 * corners[0].distance(corners[2]);
             let seen = |v| positions.of(tissue, v);
-            let through = || skin.of(tissue, [tip, top], &seen);
+            let through = || through(tissue, [tip, top], &seen);
             let near = || Some(Anchors::alike(nearest_few(tissue, nearby, (top, reach), &seen))).filter(Anchors::are_any);
             let nearest = || nearest_vertex(tissue, candidates, top, &seen).or_else(|| tissue.any_vertex_near(top));
             let one = |v| Anchors::alike(only(v));
@@ -214,7 +197,7 @@ impl TearStroke {
         // the newest sample is the nearest to the newest pose
         let newest = ties.iter().max_by_key(|t| t.serial).map(|t| Anchors { point: None, ..t.anchors });
         self.pose_tie = newest.zip(self.stroke.carried()).map(|(anchors, [[tip, base], [sample_tip, sample_base]])| {
-            let anchors = skin.of(tissue, [tip, base], &|v| positions.of(tissue, v)).unwrap_or(anchors);
+            let anchors = through(tissue, [tip, base], &|v| positions.of(tissue, v)).unwrap_or(anchors);
             let mut corners = [tip, base, sample_tip, sample_base];
             Tie::new(tissue, &PendingQuad { serial: 0, joint: None, corners: &mut corners }, anchors)
         });
