@@ -116,7 +116,9 @@ impl Update<'_, '_> {
     /// whose outcodes of particles are kept; 0 tests all.
     fn cut_all_of(&mut self, v: VertexId, k: usize, code: u16) {
         let UpdateScratch { rows, codes, .. } = &mut *self.scratch;
+        let mut is_anchor = false;
         for influence in self.map.influences.row(v.index()) {
+            is_anchor |= self.map.anchors[influence.particle.index()] == v;
             if StripGeometry::planes_part(code, codes.known(influence.particle)) {
                 continue;
             }
@@ -124,8 +126,9 @@ impl Update<'_, '_> {
                 self.report.influences_removed += usize::from(rows.open(v, self.map).part(influence.particle));
             }
         }
-        // a wound particle may stand where another does
-        for i in 0..self.scratch.near.len() {
+        // particles hold what they are anchored to; a wound particle may stand where another does
+        let near = if is_anchor { self.scratch.near.len() } else { 0 };
+        for i in 0..near {
             let j = self.scratch.near[i];
             if self.map.anchors[j.index()] == v {
                 self.cut_all_that_cross(k, j);
