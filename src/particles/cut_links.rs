@@ -3,7 +3,6 @@
 //! Which influences cross it? A particle throws the strip's shadow on what lies behind it, and only the vertices in there are
 //! looked at. Where a known side stands in for geometry there is no shadow, and all that such an end links to is tested.
 
-use super::map_edit::LipVertex;
 use super::map_update::{Update, UpdateScratch};
 use super::sight::Sight;
 use super::strip_test::StripGeometry;
@@ -81,12 +80,6 @@ impl Update<'_, '_> {
     /// that, and those of lips of `k` across the strips before.
     fn cut_links_of_lips_beyond(&mut self, k: usize) {
         let reach = self.reach();
-        // a vertex that is new has no row yet
-        let is_lip_only_now = |update: &Self, lip: &LipVertex| {
-            let is_old = |v| update.lives(v) && !update.map.influences.row(v.index()).is_empty();
-            lip.strip == k && is_old(lip.vertex) && update.strips.is_beyond_own(update.rest, lip.vertex)
-        };
-        let are_any_new = self.edit.lips.iter().any(|lip| is_lip_only_now(self, lip));
         let mut next = self.strips.last_in_line(k, k, reach);
         while let Some(m) = next {
             let lips = if self.strips.may_have_lips_beyond(self.rest, m) { self.strips.lips_of(m).len() } else { 0 };
@@ -99,12 +92,20 @@ impl Update<'_, '_> {
                     self.cut_all_of(v, k, self.strips.geometry(k).outcode(image));
                 }
             }
-            for lip in self.edit.lips.iter().filter(|_| are_any_new) {
-                if is_lip_only_now(self, lip) {
-                    self.cut_all_of(lip.vertex, m, 0);
-                }
-            }
             next = self.strips.last_in_line(m, k, reach);
+        }
+        for lip in self.edit.lips.iter().filter(|l| l.strip == k) {
+            let v = lip.vertex;
+            // a vertex that is new has no row yet
+            let is_old = self.lives(v) && !self.map.influences.row(v.index()).is_empty();
+            if !is_old || !self.strips.is_beyond_own(self.rest, v) {
+                continue;
+            }
+            let mut next = self.strips.last_in_line(k, k, reach);
+            while let Some(m) = next {
+                self.cut_all_of(v, m, 0);
+                next = self.strips.last_in_line(m, k, reach);
+            }
         }
     }
 

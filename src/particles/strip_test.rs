@@ -33,7 +33,7 @@ pub struct StripGeometry {
 /// One end of a link: where it is, and the side it is known to be on for lip vertices.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkEnd {
-    /// Rest position.
+    /// Where it is tested from, if it knows no side: its rest position, or for some lips their mirror image.
     pub at: DVec3,
     /// Known side of this strip: from the strip itself or from the one before or after it in the slit.
     pub side: Option<KnownSide>,

@@ -257,7 +257,10 @@ impl Strips {
 
     /// A vertex as the end of a link that may cross strip `k`.
     pub(super) fn link_end(&self, k: usize, rest: &[DVec3], v: VertexId) -> LinkEnd {
-        LinkEnd { at: self.image(k, rest, v).unwrap_or(rest[v.index()]), side: self.known_side(k, v) }
+        let side = self.known_side(k, v);
+        // one that knows its side is looked at by its view
+        let image = if side.is_none() { self.image(k, rest, v) } else { None };
+        LinkEnd { at: image.unwrap_or(rest[v.index()]), side }
     }
 
     /// Where links of a vertex across strip `k` are tested from that is a lip of a strip in line with `k` and lies beyond that one: its
