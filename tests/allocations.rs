@@ -1,5 +1,4 @@
-//! What an edit allocates in its frame: nothing, from the first second on. Like `gpu_allocations` without what mirrors it: `scripts/test`
-//! runs this once more in the profile that users have, where the ends of strokes count too.
+//! What an edit allocates in its frame: nothing, from the first second on. Like `gpu_allocations` without what mirrors it.
 
 mod common;
 
@@ -19,6 +18,12 @@ static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
 
 /// The counter is the program's, so one test at a time.
 static ALONE: Mutex<()> = Mutex::new(());
+
+/// What assertions make of whole models is none of a frame's.
+fn alone() -> std::sync::MutexGuard<'static, ()> {
+    incise::diagnostics::set_audits(false);
+    ALONE.lock().unwrap_or_else(|e| e.into_inner())
+}
 
 fn allocations() -> u64 {
     let stats = ALLOCATOR.stats();
@@ -46,7 +51,7 @@ impl FrameTarget for Nowhere {
 
 #[test]
 fn no_frame_of_a_stroke_allocates_neither_its_first_nor_its_last() {
-    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    let _alone = alone();
     let (mut scene, animated) = scene("heart", 4_000);
     scene.set_animation(animated.then_some(0));
     scene.set_measuring(false);
@@ -72,9 +77,8 @@ fn no_frame_of_a_stroke_allocates_neither_its_first_nor_its_last() {
 /// allocated while they go on. Where something comes off at the end the rest of a run is not looked at: pieces make arrays of their
 /// own, and so does what is left of one that crumbs with particles came off; nor where the model has grown by what there was room for.
 #[test]
-#[cfg_attr(debug_assertions, ignore = "where assertions are checked, those of an end allocate")]
 fn no_frame_of_a_wild_stroke_allocates() {
-    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    let _alone = alone();
     let (mut allocated, mut segments) = (Vec::new(), 0);
     for seed in 0..SEEDS {
         let (mut scene, animated) = scene("heart", 4_000);

@@ -1,6 +1,20 @@
 //! Counters and timings. The core has no clock of its own: it hands stages to a [`Stages`], which alone looks at one.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
+
+static AUDITS: AtomicBool = AtomicBool::new(true);
+
+/// Whether a build with assertions looks at whole models after an edit, in lists of its own. It does until [`set_audits`] says otherwise;
+/// a release build never does.
+pub fn audits() -> bool {
+    AUDITS.load(Ordering::Relaxed)
+}
+
+/// Sets [`audits`] for the whole program: off for one that counts what its frames allocate.
+pub fn set_audits(audits: bool) {
+    AUDITS.store(audits, Ordering::Relaxed);
+}
 
 /// Milliseconds by stage name, in the order the stages first ran.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

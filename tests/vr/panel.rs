@@ -125,8 +125,7 @@ fn the_panel_is_opened_pointed_at_and_pressed_and_costs_nothing_closed() {
 #[ignore = "scripts/test-vr runs it"]
 fn what_the_panel_has_written_is_written_behind_the_frames_back() {
     let service = Service::start("files", Compositor::Null);
-    // The software driver's cache of what it has compiled would read files.
-    let mut led = Led::heart(&service, &[], &[("MESA_SHADER_CACHE_DISABLE", "true")]);
+    let mut led = Led::heart(&service, &[], &[]);
     let board = placed(&Pose { position: DVec3::from_array(HEAD.map(f64::from)), rotation: DQuat::IDENTITY });
     let outside = led.high + DVec3::new(0.0, 0.0, 3.0 * (led.high - led.low).z);
     tear(&mut led, 0.1);
