@@ -2,12 +2,18 @@
 
 mod common;
 
-use common::models::scene;
+use common::models::{model, model_of_obj, scene};
 use common::strokes::{HeartStrokes, WildStroke};
+use glam::DVec3;
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
 use incise::diagnostics::Stages;
+use incise::geometry::VertexId;
 use incise::input::InputFrame;
-use incise::scene::EditCommand;
+use incise::particles::ParticleSettings;
+use incise::physics::NetworkSettings;
+use incise::scene::{EditCommand, Outcome, Scene, SceneSettings};
+use incise::surgery::{BladePose, SamplingSettings};
+use incise::tissue::{Tissue, TissueSettings};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
 use std::alloc::System;
 use std::convert::Infallible;
@@ -111,4 +117,62 @@ fn no_frame_of_a_wild_stroke_allocates() {
     }
     assert!(segments > 1_000, "{segments} segments");
     assert!(allocated.is_empty(), "run, stroke, frame, and what it allocated: {allocated:?}");
+}
+
+/// Two spheres in one tissue, the first of which is torn; bytes that undo and redo then ask for.
+fn bytes_of_history(faces_beside: usize) -> [usize; 2] {
+    let beside = model("sphere", faces_beside);
+    let mut text = String::new();
+    let mut first = 1;
+    for (model, shift) in [(model("sphere", 1_000), 0.0), (beside, 10.0)] {
+        let position = |v: usize| model.rows.rest(VertexId::new(v)) + DVec3::X * shift;
+        (0..model.rows.len()).map(position).for_each(|p| text += &format!("v {} {} {}\n", p.x, p.y, p.z));
+        let corner = |v: VertexId| v.index() + first;
+        model
+            .mesh
+            .live_faces()
+            .map(|f| model.mesh.face(f).map(corner))
+            .for_each(|f| text += &format!("f {} {} {}\n", f[0], f[1], f[2]));
+        first += model.rows.len();
+    }
+    let settings = TissueSettings {
+        particles: Some(ParticleSettings::with_spacing(0.03)),
+        network: NetworkSettings::SOFT,
+        opening_s: 0.1,
+        section_faces: 32,
+        fade_s: 0.25,
+    };
+    let tissue = Tissue::new(model_of_obj(&text), &settings).unwrap();
+    let settings = SceneSettings { sampling: SamplingSettings::default(), sample_distance: Some(0.01), sample_time: None };
+    let mut scene = Scene::new(tissue, settings);
+    scene.set_measuring(false);
+    let edit = |scene: &mut Scene, command: EditCommand| {
+        let before = ALLOCATOR.stats().bytes_allocated;
+        let reports = scene.edit(command);
+        (ALLOCATOR.stats().bytes_allocated - before, reports)
+    };
+    scene.edit(EditCommand::StrokeBegin { width: 0.004 });
+    for k in 0..10 {
+        let (x, far) = (0.01 * f64::from(k) - 0.05, 1.0);
+        scene.edit(EditCommand::StrokePose(BladePose {
+            t: f64::from(k) / 90.0,
+            tip: DVec3::new(x, 0.0, 0.03),
+            base: DVec3::new(x, 0.0, far),
+        }));
+    }
+    assert_eq!(edit(&mut scene, EditCommand::StrokeEnd).1[0].outcome, Outcome::Torn);
+    [EditCommand::Undo, EditCommand::Redo].map(|command| {
+        (0..20).for_each(|_| scene.step(1.0 / 90.0));
+        edit(&mut scene, command).0
+    })
+}
+
+/// What an undo looks at, and finds room for, follows the wound, not the model.
+#[test]
+fn undo_and_redo_take_no_more_in_a_larger_model() {
+    let _alone = alone();
+    let (small, large) = (bytes_of_history(500), bytes_of_history(20_000));
+    for (small, large) in small.into_iter().zip(large) {
+        assert!(small > 1_000 && large < small + small / 4, "{small} bytes beside 500 faces, {large} beside 20,000");
+    }
 }

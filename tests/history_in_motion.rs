@@ -108,6 +108,40 @@ fn undo_in_mid_stroke_moves_nothing() {
     }
 }
 
+/// Wounds that are still opening in a heart that beats, while a hand pulls: taken back and made again one after the other, over and over.
+#[test]
+fn undo_and_redo_in_motion_move_nothing() {
+    let mut run = Clock::of("heart", 1500, true);
+    run.frames(9, 1.0);
+    run.scene.edit(EditCommand::GrabBegin { id: 1, center: DVec3::new(0.0, -0.01, 0.04), radius: 0.02 });
+    for (stroke, width) in [0.003, 0.0, 0.004].into_iter().enumerate() {
+        run.scene.set_wall(if stroke == 2 { WallMode::Closed } else { WallMode::Open });
+        run.scene.edit(EditCommand::GrabMove { id: 1, by: 0.004 * (stroke + 1) as f64 * DVec3::Z });
+        run.scene.edit(EditCommand::StrokeBegin { width });
+        for k in 0..12 {
+            let (x, y) = (0.004 * f64::from(k) - 0.022, 0.02 - 0.02 * stroke as f64 + 0.001 * f64::from(k));
+            run.blade(f64::from(k) / 90.0, [x, y, 0.02], [x, y, 0.12]);
+            run.frames(1, 1.0);
+        }
+        assert_eq!(run.scene.edit(EditCommand::StrokeEnd)[0].outcome, Outcome::Torn);
+    }
+    let mut steps = 0;
+    for command in [EditCommand::Undo, EditCommand::Redo, EditCommand::Undo, EditCommand::Redo] {
+        for _ in 0..3 {
+            let before = run.stands();
+            run.scene.edit(command.clone());
+            // fades are kept in f32, and reach far
+            assert!(run.farthest(&before) < 1e-8, "step {steps}: {:e}", run.farthest(&before));
+            run.scene.validate().unwrap();
+            let before = run.stands();
+            run.frames(2 + steps % 3, 1.0);
+            assert!(run.farthest(&before) > 1e-6, "the measure sees what moves");
+            steps += 1;
+        }
+    }
+    assert_eq!((run.scene.undo_depth(), run.scene.redo_depth()), (3, 0));
+}
+
 /// A piece that was cut off in one pose and went back in another comes off and goes back without a jump: what it knows of where its
 /// tissue stands is of long ago.
 #[test]

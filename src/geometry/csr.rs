@@ -50,6 +50,11 @@ impl<T> Default for SlotCsrDelta<T> {
 }
 
 impl<T> SlotCsrDelta<T> {
+    /// Rows that differ between the two states, or may, repeats possible.
+    pub fn rows(&self) -> impl Iterator<Item = usize> + '_ {
+        self.spans.touched()
+    }
+
     /// [`Delta::make_room`] for rows and entries.
     pub fn make_room(&mut self, edits: usize) {
         self.spans.make_room(edits);
@@ -209,18 +214,17 @@ impl<T: Copy + Pod> SlotCsr<T> {
         }
     }
 
-    /// Replaces a row: in place where the new entries fit, else at the arena's end.
+    /// Replaces a row: in place where the new entries fit, else at the arena's end. Its span is noted as written even if it stays what it
+    /// was: which rows a delta changes is told by the spans.
     pub fn set_row(&mut self, row: usize, entries: &[T]) {
         let old = self.spans[row];
-        if entries.len() <= old.len as usize {
+        let start = if entries.len() <= old.len as usize {
             self.entries.set_slice(old.start as usize, entries);
-            if entries.len() != old.len as usize {
-                self.spans.set(row, Span { start: old.start, len: entries.len() as u32 });
-            }
+            old.start
         } else {
-            let start = self.entries.extend(entries) as u32;
-            self.spans.set(row, Span { start, len: entries.len() as u32 });
-        }
+            self.entries.extend(entries) as u32
+        };
+        self.spans.set(row, Span { start, len: entries.len() as u32 });
     }
 
     /// Makes room for so many rows and entries more.

@@ -62,7 +62,7 @@ pub enum StripError {
 #[derive(Clone, Default)]
 pub struct Strips {
     pub(super) strips: Tracked<Strip>,
-    /// Row a vertex (rows: as many as the last edit needed).
+    /// Row a vertex (rows: those at first, and as many more as the last edit needed).
     pub(super) lips: SlotCsr<LipSide>,
     /// Vertices that are or once were lips: most are none, and a bit says so where a row is far away. Not hashed.
     known_lips: VertexSet,
@@ -129,6 +129,11 @@ impl std::fmt::Debug for Strips {
 }
 
 impl Strips {
+    /// None yet, with rows for so many vertices: the first tear is not to bring them all.
+    pub fn for_vertices(vertices: usize) -> Self {
+        Self { lips: SlotCsr::with_rows(vertices), ..Self::default() }
+    }
+
     /// Number of strips.
     pub fn len(&self) -> usize {
         self.strips.len()

@@ -237,6 +237,12 @@ impl Matrix {
         self.heads.push(Head { start: end, end, diagonal: 1.0, gain: coupling / mass });
     }
 
+    /// Removes the last row, which has no springs.
+    pub fn pop_row(&mut self) {
+        let row = self.heads.pop();
+        debug_assert!(row.is_some_and(|head| head.start == head.end), "a row without springs");
+    }
+
     /// Rewrites the springs (`(column, spring)`) of one row, in place where they fit. To be closed by [`Self::settle_rows`].
     pub fn replace_row(&mut self, row: usize, springs: &[(u32, f32)], coupling: f64, mass: f64) {
         self.width = None;

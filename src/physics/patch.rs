@@ -6,18 +6,20 @@
 use super::matrix::Lanes;
 use super::network::{Grab, Network, unpadded};
 use crate::geometry::ParticleId;
+use std::ops::Range;
 
 impl Network {
     /// Brings the springs of the particles `changed` in line with `row`, which lists a particle's springs as `(other, weight)`.
-    /// The network then has `particles` particles, no fewer than before; new ones start at rest at 0 with a mass of 1.
-    /// `changed` (sorted, each once) names both ends of every spring that came, went or changed. As after
+    /// The network then has `particles` particles; new ones start at rest at 0 with a mass of 1, and those beyond are dropped, with their
+    /// springs. `changed` (sorted, each once) names both ends of every spring that came, went or changed. As after
     /// [`Network::set_topology`], state is kept by particle and only those away from rest are woken; the order of rows differs.
     pub fn update_springs<R>(&mut self, particles: usize, changed: &[ParticleId], row: impl Fn(usize) -> R)
     where
         R: IntoIterator<Item = (u32, f32)>,
     {
-        debug_assert!(particles >= self.len() && changed.windows(2).all(|w| w[0] < w[1]));
+        debug_assert!(changed.windows(2).all(|w| w[0] < w[1]));
         self.append_rows(particles);
+        let dropped = particles..self.len();
         let sound = |p: usize, (other, weight): &(u32, f32)| {
             *other as usize != p && (*other as usize) < particles && weight.is_finite() && *weight > 0.0
         };
@@ -25,6 +27,9 @@ impl Network {
         for p in changed.iter().map(|p| p.index()).filter(|&p| p < particles) {
             let has_springs = row(p).into_iter().any(|spring| sound(p, &spring));
             swapped |= self.change_camp(p, has_springs);
+        }
+        for p in dropped.clone() {
+            swapped |= self.change_camp(p, false);
         }
         let mut springs = std::mem::take(&mut self.springs);
         for p in changed.iter().map(|p| p.index()).filter(|&p| p < particles) {
@@ -38,6 +43,8 @@ impl Network {
             self.matrix.replace_row(own, &springs, self.settings.coupling, self.masses[own]);
         }
         self.springs = springs;
+        swapped |= !dropped.is_empty();
+        self.drop_rows(dropped);
         self.matrix.settle_rows();
         if swapped {
             self.restart_activity();
@@ -169,6 +176,31 @@ impl Network {
         self.reserve_lists(particles);
     }
 
+    /// Drops particles, the last ones, whose springs no other row names any more.
+    fn drop_rows(&mut self, particles: Range<usize>) {
+        let left = particles.start;
+        for p in particles.clone() {
+            let row = self.row_of[p] as usize;
+            self.matrix.replace_row(row, &[], self.settings.coupling, self.masses[row]);
+        }
+        for p in particles.rev() {
+            let (row, last) = (self.row_of[p] as usize, p);
+            self.swap_rows(row, last);
+            self.matrix.pop_row();
+            self.moved.retain(|row| *row as usize != last);
+            self.grabs.retain(|grab| grab.row as usize != last);
+        }
+        for vector in [&mut self.e, &mut self.v, &mut self.rest, &mut self.force, &mut self.next_rest] {
+            vector.truncate(left);
+        }
+        self.order.truncate(left);
+        self.row_of.truncate(left);
+        self.masses.truncate(left);
+        self.held.truncate(left);
+        self.displacement.truncate(left);
+        self.resize_turns(left);
+    }
+
     /// Puts the row of `p` among those with springs or among the lone ones. True if rows traded places.
     fn change_camp(&mut self, p: usize, has_springs: bool) -> bool {
         let row = self.row_of[p] as usize;
@@ -233,6 +265,13 @@ mod tests {
         NetworkTopology::from_rows(rows.len(), |p| rows[p].iter().copied())
     }
 
+    fn sorted(changed: &[ParticleId], particles: usize) -> Vec<ParticleId> {
+        let mut changed: Vec<_> = changed.iter().copied().filter(|p| p.index() < particles).collect();
+        changed.sort_unstable();
+        changed.dedup();
+        changed
+    }
+
     /// Both networks move alike for a while.
     fn agree(patched: &Network, rows: &Rows) -> Result<(), String> {
         let mut fresh = Network::new(&topology(rows), patched.settings(), 1e-30).unwrap();
@@ -277,6 +316,20 @@ mod tests {
                 rows.push(Vec::new());
                 changed.push(ParticleId::new(rows.len() - 1));
             }
+            // the last ones go, and what they had springs to is told of
+            for _ in 0..if round % 16 == 9 { 1 + pick(3) } else { 0 } {
+                let last = rows.len() - 1;
+                for (other, weight) in rows[last].clone() {
+                    toggle(&mut rows, last, other as usize, weight);
+                    changed.push(ParticleId(other));
+                }
+                rows.pop();
+                // in place of it a new one may come
+                if pick(2) == 0 && !changed.is_empty() {
+                    network.update_springs(rows.len(), &sorted(&changed, rows.len()), |p| rows[p].iter().copied());
+                    rows.push(Vec::new());
+                }
+            }
             for _ in 0..1 + pick(4) {
                 let (a, b) = (pick(rows.len()), pick(rows.len()));
                 if a != b {
@@ -284,9 +337,7 @@ mod tests {
                     changed.extend([a, b].map(ParticleId::new));
                 }
             }
-            changed.sort_unstable();
-            changed.dedup();
-            network.update_springs(rows.len(), &changed, |p| rows[p].iter().copied());
+            network.update_springs(rows.len(), &sorted(&changed, rows.len()), |p| rows[p].iter().copied());
             assert_eq!(network.len(), rows.len());
             assert_eq!(agree(&network, &rows), Ok(()), "round {round}");
             network.step(0.003, &mut scratch);

@@ -1,9 +1,17 @@
 //! Going back and forth between the states of a tissue (MATHS 7), and checking them.
 
-use super::{Tissue, TissueDelta};
+use super::{SoftLayer, Tissue, TissueDelta};
 use crate::geometry::{Distinct, ParticleId, Plane, VertexId};
 use glam::DVec3;
 use std::sync::Arc;
+
+/// Ascending, each once.
+fn sorted<T: Ord>(items: impl Iterator<Item = T>) -> Vec<T> {
+    let mut items: Vec<T> = items.collect();
+    items.sort_unstable();
+    items.dedup();
+    items
+}
 
 impl TissueDelta {
     /// Empty, with room for what so many usual edits change.
@@ -53,17 +61,21 @@ impl Tissue {
         deltas: Vec<Arc<TissueDelta>>,
         pieces: impl Iterator<Item = &'a Tissue>,
     ) -> Vec<Arc<TissueDelta>> {
-        let mut before = self.stands();
+        let mut before = self.stands_of(&deltas);
         if self.layer.is_some() {
             before.extend(pieces.flat_map(Tissue::stands_in_parent));
         }
-        let anchors: Vec<VertexId> = self.layer.as_ref().map_or_else(Vec::new, |l| l.map.anchors.to_vec());
+        let mut fresh = self.without_anchor(&deltas);
+        let relinked = sorted(deltas.iter().flat_map(|d| d.map.neighbours.rows()).map(ParticleId::new));
         let inverse = deltas.into_iter().rev().map(|delta| Arc::new(self.apply(Arc::unwrap_or_clone(delta)))).collect();
         self.scratch.hands.pulls.under_blade = None;
         self.follow_rows();
-        self.sync_network();
+        if let Some(SoftLayer { map, network, .. }) = &mut self.layer {
+            network.update_springs(map.len(), &relinked, |p| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight)));
+            fresh.retain(|p| map.anchors.get(p.index()).is_some_and(|anchor| anchor.is_some()));
+        }
         self.forget_lost_holds();
-        self.start_particles(&self.particles_since(&anchors));
+        self.start_particles(&fresh);
         self.refresh_turns();
         self.hold(before);
         self.versions.structure += 1;
@@ -79,6 +91,28 @@ impl Tissue {
         }
     }
 
+    /// Where those vertices stand that applying `deltas` may move, if anything displaces them: what their skinning and influences are, the
+    /// deltas tell; turned particles may move any.
+    fn stands_of(&self, deltas: &[Arc<TissueDelta>]) -> Vec<(VertexId, DVec3)> {
+        let Some(layer) = &self.layer else { return Vec::new() };
+        if layer.network.settings().rotations || !layer.network.turns().is_empty() {
+            return self.stands();
+        }
+        let touched = deltas.iter().flat_map(|delta| {
+            let TissueDelta { rows, map, .. } = &**delta;
+            rows.rest_position.touched().chain(rows.rows.rows()).chain(rows.bones.rows()).chain(map.influences.rows())
+        });
+        let is_live = |v: &VertexId| v.index() < self.mesh.vertex_slots() && self.mesh.vertex_is_live(*v);
+        sorted(touched.map(VertexId::new)).into_iter().filter(is_live).map(|v| (v, self.position(v))).collect()
+    }
+
+    /// Particles without anchor that applying `deltas` may give one.
+    fn without_anchor(&self, deltas: &[Arc<TissueDelta>]) -> Vec<ParticleId> {
+        let Some(layer) = &self.layer else { return Vec::new() };
+        let has_none = |p: &ParticleId| layer.map.anchors.get(p.index()).is_none_or(|anchor| anchor.is_none());
+        sorted(deltas.iter().flat_map(|delta| delta.map.anchors.touched()).map(ParticleId::new).filter(has_none))
+    }
+
     /// Fades those of the vertices that are live, and elsewhere, from where they stood.
     pub(crate) fn hold(&mut self, stood: Vec<(VertexId, DVec3)>) {
         let threshold = 1e-10 * self.diagonal;
@@ -88,13 +122,6 @@ impl Tissue {
             .filter(|(v, target)| self.position(*v).distance(*target) > threshold)
             .collect();
         self.fade_from(moved.into_iter());
-    }
-
-    /// Particles that have an anchor now and had none while the anchors were these.
-    fn particles_since(&self, before: &[VertexId]) -> Vec<ParticleId> {
-        let Some(layer) = &self.layer else { return Vec::new() };
-        let had_none = |p: &usize| before.get(*p).is_none_or(|a| a.is_none());
-        (0..layer.map.len()).filter(|p| layer.map.anchors[*p].is_some()).filter(had_none).map(ParticleId::new).collect()
     }
 
     /// Takes back what the mesh noted since its last delta.

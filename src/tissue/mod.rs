@@ -351,7 +351,7 @@ impl Tissue {
         tracing::debug!(particles = anchors.len(), truncation = report.truncation_error, "soft layer");
         let network = Network::new(&topology(&map), network, self.diagonal)?;
         let (opening, opening_s) = (vec![DVec3::ZERO; map.len()], self.opening_s);
-        let mut strips = Strips::default();
+        let mut strips = Strips::for_vertices(self.rest.len());
         strips.prepare(&self.rest, &map, &settings);
         let truncation_error = report.truncation_error;
         Ok(SoftLayer { settings, map, strips, network, opening, opening_s, truncation_error, particle_mass: 1.0 })
@@ -491,12 +491,6 @@ impl Tissue {
         let version = self.versions.pose;
         self.sections.refresh(&self.pose, version);
         self.refresh_turn_reach();
-    }
-
-    fn sync_network(&mut self) {
-        if let Some(layer) = &mut self.layer {
-            layer.network.set_topology(&topology(&layer.map), None);
-        }
     }
 
     /// Skinned position of a vertex, without displacement, tissue space.
