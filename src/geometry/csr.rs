@@ -11,6 +11,9 @@ use bytemuck::{Pod, Zeroable};
 /// Notes of entries that there is room for, as many times those of other lists: an edit writes rows as a whole.
 const ENTRIES: usize = 4;
 
+/// Notes of rows rewritten in place that there is room for at first: no memory before it is written to.
+const REWRITTEN_ROOM: usize = 4096;
+
 /// Where a row lies in the arena.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
@@ -26,6 +29,8 @@ pub struct Span {
 pub struct SlotCsr<T> {
     spans: Tracked<Span>,
     entries: Tracked<T>,
+    /// Rows whose entries were replaced in place, with their span as it was, since the last delta.
+    rewritten: Vec<u32>,
 }
 
 /// What changed in a [`SlotCsr`].
@@ -35,30 +40,33 @@ pub struct SlotCsrDelta<T> {
     pub spans: Delta<Span>,
     /// Changes of the arena.
     pub entries: Delta<T>,
+    /// Rows whose entries were replaced in place, with their span as it was.
+    rewritten: Vec<u32>,
 }
 
 impl<T> Default for SlotCsr<T> {
     fn default() -> Self {
-        Self { spans: Tracked::default(), entries: Tracked::default() }
+        Self { spans: Tracked::default(), entries: Tracked::default(), rewritten: Vec::new() }
     }
 }
 
 impl<T> Default for SlotCsrDelta<T> {
     fn default() -> Self {
-        Self { spans: Delta::default(), entries: Delta::default() }
+        Self { spans: Delta::default(), entries: Delta::default(), rewritten: Vec::new() }
     }
 }
 
 impl<T> SlotCsrDelta<T> {
     /// Rows that differ between the two states, or may, repeats possible.
-    pub fn rows(&self) -> impl Iterator<Item = usize> + '_ {
-        self.spans.touched()
+    pub fn changed_rows(&self) -> impl Iterator<Item = usize> + '_ {
+        self.spans.touched().chain(self.rewritten.iter().map(|row| *row as usize))
     }
 
     /// [`Delta::make_room`] for rows and entries.
     pub fn make_room(&mut self, edits: usize) {
         self.spans.make_room(edits);
         self.entries.make_room(ENTRIES * edits);
+        self.rewritten.reserve(edits * REWRITTEN_ROOM);
     }
 
     /// True if nothing changed.
@@ -68,7 +76,7 @@ impl<T> SlotCsrDelta<T> {
 
     /// Heap bytes held.
     pub fn heap_bytes(&self) -> usize {
-        self.spans.heap_bytes() + self.entries.heap_bytes()
+        self.spans.heap_bytes() + self.entries.heap_bytes() + self.rewritten.len() * size_of::<u32>()
     }
 }
 
@@ -77,13 +85,14 @@ impl<T: Copy> SlotCsrDelta<T> {
     pub fn append(&mut self, later: &Self) {
         self.spans.append(&later.spans);
         self.entries.append(&later.entries);
+        self.rewritten.extend_from_slice(&later.rewritten);
     }
 }
 
 impl<T: Copy + Pod> SlotCsr<T> {
     /// `rows` empty rows.
     pub fn with_rows(rows: usize) -> Self {
-        Self { spans: vec![Span::default(); rows].into(), entries: Vec::new().into() }
+        Self { spans: vec![Span::default(); rows].into(), ..Self::default() }
     }
 
     /// From a list of rows.
@@ -97,7 +106,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
             spans.push(Span { start: entries.len() as u32, len: row.len() as u32 });
             entries.extend_from_slice(row);
         }
-        Self { spans: spans.into(), entries: entries.into() }
+        Self { spans: spans.into(), entries: entries.into(), rewritten: Vec::new() }
     }
 
     /// From `(row, entry)` pairs in any order; entries of a row keep their relative order.
@@ -118,7 +127,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
             entries[*at as usize] = *entry;
             *at += 1;
         }
-        Self { spans: spans.into(), entries: entries.into() }
+        Self { spans: spans.into(), entries: entries.into(), rewritten: Vec::new() }
     }
 
     /// Copies of some rows in order (`None`: an empty one), each entry as `copied` makes it. Rows that follow one another in
@@ -147,7 +156,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
             }
             entries.extend(self.entries[run].iter().map(&copied));
         }
-        Self { spans: spans.into(), entries: entries.into() }
+        Self { spans: spans.into(), entries: entries.into(), rewritten: Vec::new() }
     }
 
     /// Copies of some rows in order, of the entries that `copied` makes one of.
@@ -159,7 +168,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
             entries.extend(self.row(row).iter().filter_map(&copied));
             spans.push(Span { start: start as u32, len: (entries.len() - start) as u32 });
         }
-        Self { spans: spans.into(), entries: entries.into() }
+        Self { spans: spans.into(), entries: entries.into(), rewritten: Vec::new() }
     }
 
     /// Number of rows.
@@ -214,17 +223,20 @@ impl<T: Copy + Pod> SlotCsr<T> {
         }
     }
 
-    /// Replaces a row: in place where the new entries fit, else at the arena's end. Its span is noted as written even if it stays what it
-    /// was: which rows a delta changes is told by the spans.
+    /// Replaces a row: in place where the new entries fit, else at the arena's end.
     pub fn set_row(&mut self, row: usize, entries: &[T]) {
         let old = self.spans[row];
-        let start = if entries.len() <= old.len as usize {
+        if entries.len() <= old.len as usize {
             self.entries.set_slice(old.start as usize, entries);
-            old.start
+            if entries.len() != old.len as usize {
+                self.spans.set(row, Span { start: old.start, len: entries.len() as u32 });
+            } else {
+                self.rewritten.push(row as u32);
+            }
         } else {
-            self.entries.extend(entries) as u32
-        };
-        self.spans.set(row, Span { start, len: entries.len() as u32 });
+            let start = self.entries.extend(entries) as u32;
+            self.spans.set(row, Span { start, len: entries.len() as u32 });
+        }
     }
 
     /// Makes room for so many rows and entries more.
@@ -238,6 +250,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
         self.spans.make_room();
         self.entries.reserve(rows_headroom(self.entries.len()));
         self.entries.make_room_for_notes(ENTRIES);
+        self.rewritten.reserve(REWRITTEN_ROOM);
     }
 
     /// Empties rows, each listed once. Their entries stay in the arena as a hole.
@@ -256,11 +269,19 @@ impl<T: Copy + Pod> SlotCsr<T> {
     pub fn take_delta_into(&mut self, delta: &mut SlotCsrDelta<T>) {
         self.spans.take_delta_into(&mut delta.spans);
         self.entries.take_delta_into(&mut delta.entries);
+        delta.rewritten.clear();
+        // some room to spare for what is appended to a delta that is used again
+        let room = delta.rewritten.capacity();
+        if (1..self.rewritten.len()).contains(&room) {
+            delta.rewritten.reserve(4 * self.rewritten.len());
+        }
+        delta.rewritten.append(&mut self.rewritten);
     }
 
     /// Goes back by the newest delta and returns the way forward.
     pub fn apply_delta(&mut self, delta: SlotCsrDelta<T>) -> SlotCsrDelta<T> {
-        SlotCsrDelta { spans: self.spans.apply(delta.spans), entries: self.entries.apply(delta.entries) }
+        let SlotCsrDelta { spans, entries, rewritten } = delta;
+        SlotCsrDelta { spans: self.spans.apply(spans), entries: self.entries.apply(entries), rewritten }
     }
 
     /// Feeds rows and arena into `hash`.

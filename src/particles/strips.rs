@@ -425,7 +425,7 @@ impl Strips {
     /// Makes room for the strips, and all that goes with them, of many strokes through this many vertices and particles.
     pub fn make_room(&mut self, vertices: usize, particles: usize) {
         self.strips.make_room();
-        self.lips.reserve(with_headroom(vertices), rows_headroom(vertices));
+        self.lips.reserve(headroom(vertices), rows_headroom(vertices));
         self.known_lips.reserve(headroom(vertices), with_headroom(vertices));
         self.wounds.make_room();
         self.row.reserve(LIPS_ROOM);
@@ -451,7 +451,10 @@ impl Strips {
     pub(crate) fn extract(&self, vertices: &[VertexId], derived: &Arc<StripsDerived>) -> Self {
         let known = self.lips.rows();
         let row = |v: &VertexId| (v.index() < known).then(|| v.index());
-        let lips = if known > 0 { self.lips.gather(vertices.iter().map(row), |lip| *lip) } else { SlotCsr::default() };
+        let lips = match self.len() {
+            0 => SlotCsr::with_rows(vertices.len()),
+            _ => self.lips.gather(vertices.iter().map(row), |lip| *lip),
+        };
         Self {
             strips: self.strips.to_vec().into(),
             known_lips: (0..lips.rows()).filter(|&v| !lips.row(v).is_empty()).map(VertexId::new).collect(),

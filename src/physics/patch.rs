@@ -56,6 +56,41 @@ impl Network {
         }
     }
 
+    /// Tells where the network has not `particles` particles, or other springs than `row` lists of each as `(other, weight)`.
+    pub fn check_springs<R>(&self, particles: usize, row: impl Fn(usize) -> R) -> Result<(), String>
+    where
+        R: IntoIterator<Item = (u32, f32)>,
+    {
+        if self.len() != particles {
+            return Err(format!("{} particles in the network, {particles} in the map", self.len()));
+        }
+        let (mut has, mut should) = (Vec::new(), Vec::new());
+        for p in 0..particles {
+            let own = self.row_of[p] as usize;
+            has.clear();
+            has.extend(self.matrix.springs(own).filter(|spring| spring.1 != 0.0));
+            should.clear();
+            should.extend(row(p).into_iter().filter(|s| s.0 as usize != p && s.1.is_finite() && s.1 > 0.0).map(
+                |(other, weight)| {
+                    let other = self.row_of.get(other as usize).copied().unwrap_or(u32::MAX);
+                    let mass = self.masses.get(other as usize).map_or(f64::NAN, |mass| 0.5 * (self.masses[own] + mass));
+                    (other, f64::from(weight) * mass)
+                },
+            ));
+            has.sort_unstable_by_key(|spring| spring.0);
+            should.sort_unstable_by_key(|spring| spring.0);
+            let alike = |(a, b): (&(u32, f64), &(u32, f64))| a.0 == b.0 && (a.1 - b.1).abs() <= 1e-6 * b.1;
+            if has.len() != should.len() || !has.iter().zip(&should).all(alike) || (own < self.linked) == has.is_empty() {
+                return Err(format!(
+                    "particle {p} has {} springs in the network and {} in the map, or others",
+                    has.len(),
+                    should.len()
+                ));
+            }
+        }
+        Ok(())
+    }
+
     /// A network of some of this one's particles, which keep state, targets and holds: `kept[new]` is the old particle, or
     /// [`ParticleId::NONE`] for a new one, at rest at 0 with a mass of 1. `row(new)` lists the springs of each as `(other,
     /// weight)`, in both their rows. Rows keep their order, so that neighbours stay near each other. Those away from rest are
@@ -340,6 +375,7 @@ mod tests {
             network.update_springs(rows.len(), &sorted(&changed, rows.len()), |p| rows[p].iter().copied());
             assert_eq!(network.len(), rows.len());
             assert_eq!(agree(&network, &rows), Ok(()), "round {round}");
+            assert_eq!(network.check_springs(rows.len(), |p| rows[p].iter().copied()), Ok(()), "round {round}");
             network.step(0.003, &mut scratch);
         }
         // the comparison can fail: a spring that the network was not told of
@@ -347,6 +383,7 @@ mod tests {
         network.set_state(ParticleId::new(a), DVec3::ONE, DVec3::ZERO);
         toggle(&mut rows, a, b, 3.0);
         assert!(agree(&network, &rows).is_err());
+        assert!(network.check_springs(rows.len(), |p| rows[p].iter().copied()).is_err());
     }
 
     #[test]

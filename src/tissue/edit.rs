@@ -2,7 +2,7 @@
 //! and the plane cut itself. Tears are in [`super::stroke`].
 
 use super::walls::LONGEST_ROW;
-use super::{Posed, SoftLayer, Tissue, motions};
+use super::{Posed, SoftLayer, Tissue, motions, springs};
 use crate::diagnostics::Stages;
 use crate::geometry::{HalfEdge, Plane, VertexId};
 use crate::particles::{
@@ -222,8 +222,7 @@ impl Tissue {
     fn follow_update(&mut self, report: &MapUpdateReport, old_len: usize, new: &[NewVertex]) {
         let Some(layer) = &mut self.layer else { return };
         let (map, network) = (&layer.map, &mut layer.network);
-        let springs = |p: usize| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight));
-        network.update_springs(map.len(), &report.relinked, springs);
+        network.update_springs(map.len(), &report.relinked, |p| springs(map, p));
         self.start_particles(&report.particles_added);
         let rotates = self.layer.as_ref().is_some_and(|l| l.network.settings().rotations);
         let update = std::mem::take(&mut self.scratch.update);

@@ -1,9 +1,12 @@
 //! Going back and forth between the states of a tissue (MATHS 7), and checking them.
 
-use super::{SoftLayer, Tissue, TissueDelta};
+use super::{SoftLayer, Tissue, TissueDelta, springs, topology};
 use crate::geometry::{Distinct, ParticleId, Plane, VertexId};
 use glam::DVec3;
 use std::sync::Arc;
+
+/// A network of more particles than this, half of which have other springs, is laid out anew: neighbours lie near each other again.
+const MANY_PARTICLES: usize = 1024;
 
 /// Ascending, each once.
 fn sorted<T: Ord>(items: impl Iterator<Item = T>) -> Vec<T> {
@@ -66,12 +69,16 @@ impl Tissue {
             before.extend(pieces.flat_map(Tissue::stands_in_parent));
         }
         let mut fresh = self.without_anchor(&deltas);
-        let relinked = sorted(deltas.iter().flat_map(|d| d.map.neighbours.rows()).map(ParticleId::new));
+        let relinked = sorted(deltas.iter().flat_map(|d| d.map.neighbours.changed_rows()).map(ParticleId::new));
         let inverse = deltas.into_iter().rev().map(|delta| Arc::new(self.apply(Arc::unwrap_or_clone(delta)))).collect();
         self.scratch.hands.pulls.under_blade = None;
         self.follow_rows();
         if let Some(SoftLayer { map, network, .. }) = &mut self.layer {
-            network.update_springs(map.len(), &relinked, |p| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight)));
+            if map.len() > MANY_PARTICLES && 2 * relinked.len() > map.len() {
+                network.set_topology(&topology(map), None);
+            } else {
+                network.update_springs(map.len(), &relinked, |p| springs(map, p));
+            }
             fresh.retain(|p| map.anchors.get(p.index()).is_some_and(|anchor| anchor.is_some()));
         }
         self.forget_lost_holds();
@@ -100,7 +107,11 @@ impl Tissue {
         }
         let touched = deltas.iter().flat_map(|delta| {
             let TissueDelta { rows, map, .. } = &**delta;
-            rows.rest_position.touched().chain(rows.rows.rows()).chain(rows.bones.rows()).chain(map.influences.rows())
+            rows.rest_position
+                .touched()
+                .chain(rows.rows.changed_rows())
+                .chain(rows.bones.changed_rows())
+                .chain(map.influences.changed_rows())
         });
         let is_live = |v: &VertexId| v.index() < self.mesh.vertex_slots() && self.mesh.vertex_is_live(*v);
         sorted(touched.map(VertexId::new)).into_iter().filter(is_live).map(|v| (v, self.position(v))).collect()
@@ -195,9 +206,7 @@ impl Tissue {
         if let Some(layer) = &self.layer {
             layer.strips.validate()?;
             layer.map.validate(&self.mesh, &self.rest, &layer.strips)?;
-            if layer.network.displacements().len() != layer.map.len() {
-                return Err("the network and the particle map differ in length".into());
-            }
+            layer.network.check_springs(layer.map.len(), |p| springs(&layer.map, p))?;
         }
         Ok(())
     }

@@ -204,9 +204,14 @@ const OPENED: f64 = 1e-7;
 /// Latest time on the clock, s: fades begin in f32, as the GPU has them, where a second is told from the next up to here.
 const LATEST_S: f64 = 16_777_216.0;
 
+/// The springs of a particle, as networks take them.
+fn springs(map: &ParticleMap, p: usize) -> impl Iterator<Item = (u32, f32)> + '_ {
+    map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight))
+}
+
 /// The network of a map.
 fn topology(map: &ParticleMap) -> NetworkTopology {
-    NetworkTopology::from_rows(map.len(), |p| map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight)))
+    NetworkTopology::from_rows(map.len(), |p| springs(map, p))
 }
 
 impl SoftLayer {

@@ -3,9 +3,9 @@
 //! The work is linear in what leaves: arrays are gathered through tables that tell where each thing went, sections keep their
 //! bounds, and the particles' matrix is cut out of the parent's.
 
-use super::{SoftLayer, Tissue};
+use super::{SoftLayer, Tissue, springs};
 use crate::geometry::{Components, Extraction, FaceId, HalfEdge, Measures, Part, ParticleId, SectionId, VertexId};
-use crate::particles::{ParticleMap, RowBefore, StripsDerived};
+use crate::particles::{RowBefore, StripsDerived};
 use crate::rig::{RowEntry, VertexRows};
 use glam::DVec3;
 use std::sync::Arc;
@@ -229,11 +229,6 @@ fn extract_rows(rows: &VertexRows, map: &Extraction) -> VertexRows {
         bones: rows.bones.gather(all, |bone| *bone),
         scratch: Vec::new(),
     }
-}
-
-/// The springs of a particle, as the network wants them.
-fn springs(map: &ParticleMap, p: usize) -> impl Iterator<Item = (u32, f32)> + '_ {
-    map.neighbours.row(p).iter().map(|l| (l.particle.0, l.weight))
 }
 
 impl SoftLayer {
