@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::models::{model, model_of_obj, scene};
+use common::models::{model, model_of_obj, scene, settings};
 use common::strokes::{HeartStrokes, WildStroke};
 use glam::DVec3;
 use incise::app::{App, FrameCounters, FrameTarget, FrameView};
@@ -10,7 +10,6 @@ use incise::diagnostics::Stages;
 use incise::geometry::VertexId;
 use incise::input::InputFrame;
 use incise::particles::ParticleSettings;
-use incise::physics::NetworkSettings;
 use incise::scene::{EditCommand, Outcome, Scene, SceneSettings};
 use incise::surgery::{BladePose, SamplingSettings};
 use incise::tissue::{Tissue, TissueSettings};
@@ -135,14 +134,9 @@ fn bytes_of_history(faces_beside: usize) -> [usize; 2] {
             .for_each(|f| text += &format!("f {} {} {}\n", f[0], f[1], f[2]));
         first += model.rows.len();
     }
-    let settings = TissueSettings {
-        particles: Some(ParticleSettings::with_spacing(0.03)),
-        network: NetworkSettings::SOFT,
-        opening_s: 0.1,
-        section_faces: 32,
-        fade_s: 0.25,
-    };
-    let tissue = Tissue::new(model_of_obj(&text), &settings).unwrap();
+    let model = model_of_obj(&text);
+    let settings = TissueSettings { particles: Some(ParticleSettings::with_spacing(0.03)), ..settings(&model) };
+    let tissue = Tissue::new(model, &settings).unwrap();
     let settings = SceneSettings { sampling: SamplingSettings::default(), sample_distance: Some(0.01), sample_time: None };
     let mut scene = Scene::new(tissue, settings);
     scene.set_measuring(false);

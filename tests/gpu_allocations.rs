@@ -54,7 +54,7 @@ impl FrameTarget for Target {
         }
         self.in_sync = allocations() - before;
         let camera = Camera { eye: DVec3::new(0.0, 0.3, 0.9), target: DVec3::ZERO, up: DVec3::Y, fov_y: 0.9 };
-        // the picture is not looked at, and a shadow takes a software adapter ten times as long
+        // the picture is not looked at, and a software adapter draws shadows slowly
         let scenery = Scenery { shadow: false, ..Scenery::default() };
         let options = DrawOptions { scenery, lines: &lines, ..Default::default() };
         self.mirror.renderer_mut().draw(&camera, (32, 24), &options)?;

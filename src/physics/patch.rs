@@ -219,12 +219,12 @@ impl Network {
             self.matrix.replace_row(row, &[], self.settings.coupling, self.masses[row]);
         }
         for p in particles.rev() {
-            let (row, last) = (self.row_of[p] as usize, p);
-            self.swap_rows(row, last);
+            // as many rows as particles are left: this one goes to the end
+            self.swap_rows(self.row_of[p] as usize, p);
             self.matrix.pop_row();
-            self.moved.retain(|row| *row as usize != last);
-            self.grabs.retain(|grab| grab.row as usize != last);
         }
+        self.moved.retain(|row| (*row as usize) < left);
+        self.grabs.retain(|grab| (grab.row as usize) < left);
         for vector in [&mut self.e, &mut self.v, &mut self.rest, &mut self.force, &mut self.next_rest] {
             vector.truncate(left);
         }
