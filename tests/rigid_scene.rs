@@ -505,6 +505,18 @@ fn a_hull_is_made_of_vertices_that_there_are() {
     follow_edits(&[Step::Cut(0), Step::Tear(0.0), Step::Cut(1), Step::Undo, Step::Undo]).unwrap();
 }
 
+/// Where a stroke ran beside an older wound and cut its lip, one of its boxes left no strip, and links led through the gap.
+#[test]
+fn strokes_side_by_side_leave_no_link_across() {
+    for [first, second] in [[-0.0593, -0.0393], [-0.20774765723305333, -0.18807995837106276]] {
+        let beside = [Step::Cut(3), Step::LetGo, Step::LetGo, Step::Tear(first), Step::Tear(second)];
+        follow_edits(&beside).unwrap();
+        let mut after_undo = beside.to_vec();
+        after_undo.splice(1..1, [Step::Tear(-0.3134115772290182), Step::Undo]);
+        follow_edits(&after_undo).unwrap();
+    }
+}
+
 /// What a hand holds it goes on holding as it comes off, goes back and comes off again.
 #[test]
 fn a_hand_goes_on_holding_what_is_cut_off() {

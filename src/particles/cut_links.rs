@@ -10,6 +10,9 @@ use crate::geometry::room::fit;
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
 
+/// A bit beside those of an outcode: the particle's anchor knows its side of the strip.
+const KNOWS_SIDE: u16 = 1 << 15;
+
 /// Outcodes of particles to one strip, in an array that is clean between uses.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Codes {
@@ -50,10 +53,16 @@ impl Codes {
         self.of(j) != u16::MAX
     }
 
-    /// True if the link between a point with `code` and a particle does not cross the strip.
+    /// True if the link between a particle with this code and another does not cross the strip. Two that know their sides are parted by
+    /// those, past its ends as well.
     #[inline]
     fn part(&self, code: u16, j: ParticleId) -> bool {
-        StripGeometry::codes_part(code, self.codes[j.index()])
+        let other = self.codes[j.index()];
+        if code & other & KNOWS_SIDE != 0 {
+            StripGeometry::planes_part(code, other)
+        } else {
+            StripGeometry::codes_part(code, other)
+        }
     }
 }
 
@@ -189,7 +198,7 @@ impl Update<'_, '_> {
             }
             let radius = settings.radius_of(map, j);
             let own = strips.code_of(k, rest, anchor);
-            codes.set(j, own);
+            codes.set(j, if strips.knows_side(k, anchor) { own | KNOWS_SIDE } else { own });
             let bounds = if own == 0 { Some((at - radius, at + radius)) } else { geometry.shadow(at, radius) };
             let Some((low, high)) = bounds else { continue };
             let sight = if own == 0 { Sight::everywhere(at) } else { geometry.sight(at, radius) };

@@ -262,6 +262,38 @@ fn slits_close_together_keep_their_sides() {
     }
 }
 
+/// Lips of a cut that left no strip of its own know their sides of the strip that goes on from it, and lie before that one's start.
+#[test]
+fn lips_before_the_start_of_a_strip_are_parted_by_it() {
+    let mut patient = Patient::new(test_models::grid(30, 0.0, 1), settings(0.12, 0.0));
+    let at = |p: &Patient, j: usize| p.rest[p.map.anchors[j].index()];
+    let linked = |p: &Patient, j: usize, k: ParticleId| p.map.neighbours.row(j).iter().any(|l| l.particle == k);
+    let pairs = (0..patient.map.len()).flat_map(|j| patient.map.neighbours.row(j).iter().map(move |l| (j, l.particle)));
+    let (below, above) = pairs
+        .max_by(|a, b| {
+            f64::total_cmp(
+                &(at(&patient, a.1.index()).y - at(&patient, a.0).y),
+                &(at(&patient, b.1.index()).y - at(&patient, b.0).y),
+            )
+        })
+        .unwrap();
+    let (p, q) = (at(&patient, below), at(&patient, above.index()));
+    let (x, y) = (p.x.max(q.x) + 0.01, 0.5 * (p.y + q.y));
+    let corner = |x: f64, z: f64| DVec3::new(x, y, z);
+    let quad = [corner(x, -0.05), corner(x + 0.05, -0.05), corner(x + 0.05, 0.02), corner(x, 0.02)];
+    for knows in [false, true] {
+        let strip = patient.strips.push(quad, patient.settings.radius, patient.strips.next_slit()).unwrap();
+        let mut wound = Wound { strips: strip..strip + 1, ..Wound::default() };
+        if knows {
+            let lip = |j: usize, side| LipVertex { vertex: patient.map.anchors[j], strip, side };
+            wound.lips = vec![lip(below, 1), lip(above.index(), -1)];
+        }
+        patient.update(&wound);
+        assert_eq!(linked(&patient, below, above), !knows);
+        patient.validate();
+    }
+}
+
 #[test]
 fn clipped_anchors_move_or_retire() {
     let mut counts = [0, 0];

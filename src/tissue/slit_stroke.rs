@@ -221,10 +221,10 @@ impl TearStroke {
             report.opened_edges = step.opened_edges;
             report.smallest_angle = step.smallest_sine.min(1.0).asin();
             report.stages.time("bind", || tissue.add_vertices(&step.new_vertices));
-            let parts;
-            (parts, end) = self.slit_swath(tissue, &step).strip_parts(blades, joint, self.slit);
             // vertices at the joint have sides only now
             let has_joint = step.tags.iter().any(|t| t.lines & line::START != 0);
+            let parts;
+            (parts, end) = self.slit_swath(tissue, &step).strip_parts(blades, (joint, has_joint && joint.is_some()), self.slit);
             let newest = || tissue.layer.as_ref().and_then(|l| l.strips.len().checked_sub(1));
             let mut cut = Cut { goes_on_from: if has_joint { before.or_else(newest) } else { None }, ..slit_cut(tissue, &step) };
             strip = self.bind_strips(tissue, &mut cut, (&parts, blades), &mut report);

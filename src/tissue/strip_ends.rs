@@ -22,6 +22,9 @@ const APART: f64 = 0.25;
 /// open wound goes no way in tissue, its ends are carried to rest by other vertices, and a strip without length faces anywhere.
 const LEAST_PART: f64 = 0.1;
 
+/// What lies so near to an end of a strip's way, as a share of it, lies at that end.
+const AT_END: f64 = 1e-6;
+
 /// A stretch of a strip on whose way the blade crossed no gap.
 #[derive(Clone, Copy)]
 pub(in crate::tissue) struct StripPart {
@@ -130,11 +133,11 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
 
     /// The strip between two blades, and where it ends at rest: in two parts, or the part that there is of it, where the blade crossed
     /// a gap between lips of an older wound, and no longer than those lips let it be. `start` is where it begins at rest, if another one
-    /// ended there; `slit` is the number of its slit.
+    /// ended there, and whether `that_ends_in_skin`; `slit` is the number of its slit.
     pub(super) fn strip_parts(
         &self,
         blades: [[DVec3; 2]; 2],
-        start: Option<[DVec3; 2]>,
+        (start, that_ends_in_skin): (Option<[DVec3; 2]>, bool),
         slit: u32,
     ) -> ([Option<StripPart>; 2], [DVec3; 2]) {
         let start = start.unwrap_or_else(|| self.rest_edge(blades[0]));
@@ -142,7 +145,7 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
         let whole = StripPart::whole(blades, [start, end]);
         let (Some(layer), Some(frames)) = (&self.tissue.layer, self.frames(whole)) else { return ([Some(whole), None], end) };
         let parts = self.parts_at_gap(layer, whole, &frames);
-        (parts.unwrap_or_else(|| [Some(self.between_lips((layer, slit), whole, &frames)), None]), end)
+        (parts.unwrap_or_else(|| [Some(self.between_lips((layer, slit), (whole, that_ends_in_skin), &frames)), None]), end)
     }
 
     /// How the vertex nearest to either end of a strip carries what is near that end to rest; `None` where all are seen where they are at rest.
@@ -222,11 +225,12 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
         (first.is_some() || second.is_some()).then_some([first, second])
     }
 
-    /// A strip that begins or ends in the air between the lips of an older wound: it begins and ends at the lips that it cut.
+    /// A strip that begins or ends in the air between the lips of an older wound: it begins and ends at the lips that it cut. One that
+    /// goes on from another in the skin does not begin in the air, though a wound beside it may be the first that its box cuts.
     fn between_lips(
         &self,
         (layer, slit): (&SoftLayer, u32),
-        whole: StripPart,
+        (whole, goes_on_in_skin): (StripPart, bool),
         [before, behind]: &[EndFrame<impl Fn(DVec3) -> DVec3>; 2],
     ) -> StripPart {
         let tissue = self.tissue;
@@ -244,8 +248,10 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
             let is_common = |lip: &&LipSide| parents.clone().all(|other| other.iter().any(|o| of(o) == of(lip)));
             first.iter().filter(is_common).any(|lip| of(lip).0 != slit)
         };
-        let first = self.cut_skin(whole.blades).min_by(by_share).filter(|(n, share)| *share > 0.0 && is_of_older(n));
-        let last = self.cut_skin(whole.blades).max_by(by_share).filter(|(n, share)| *share < 1.0 && is_of_older(n));
+        let is_first = |(n, share): &CutLip<'_>| !goes_on_in_skin && *share > AT_END && is_of_older(n);
+        let first = self.cut_skin(whole.blades).min_by(by_share).filter(is_first);
+        let is_last = |(n, share): &CutLip<'_>| *share < 1.0 - AT_END && is_of_older(n);
+        let last = self.cut_skin(whole.blades).max_by(by_share).filter(is_last);
         let part = last.map_or(whole, |lip| whole.until(tissue, lip, behind.height));
         let since = first.map_or(whole, |lip| whole.since(tissue, lip, before.height));
         StripPart { blades: [since.blades[0], part.blades[1]], at_rest: [since.at_rest[0], part.at_rest[1]], ..whole }
@@ -305,6 +311,6 @@ fn share_of_way([[tip, top], [next_tip, next_top]]: [[DVec3; 2]; 2], p: DVec3) -
     share_between([tip, next_tip, next_top, top], normal.normalize_or_zero(), p)
 }
 
-fn is_skin(tissue: &Tissue, v: VertexId) -> bool {
+pub(super) fn is_skin(tissue: &Tissue, v: VertexId) -> bool {
     tissue.mesh.fan(v).any(|h| !tissue.mesh.is_interior(h.face()))
 }

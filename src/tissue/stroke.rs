@@ -31,6 +31,7 @@ pub use segment_report::SegmentReport;
 use slit_stroke::SlitState;
 pub(super) use slit_stroke::slit_cut;
 pub(super) use strip_bind::Cut;
+use strip_ends::is_skin;
 pub(super) use strip_ends::{StripPart, Swath};
 use stroke_ties::Tie;
 
@@ -387,7 +388,8 @@ impl TearStroke {
         }
         report.faces_visited = self.step.faces_visited;
         let end = if hit {
-            self.bind(tissue, tear_box, start, &mut report)
+            let in_skin = before.tags.iter().any(|t| tissue.mesh.vertex_is_live(t.vertex) && is_skin(tissue, t.vertex));
+            self.bind(tissue, tear_box, (start, in_skin), &mut report)
         } else {
             self.near.clear();
             self.swath(tissue).rest_edge(tear_box.blades[1])
@@ -509,12 +511,12 @@ impl TearStroke {
     }
 
     /// Rows, strip and particle map of what the box tore. Returns the strip's end edge at rest.
-    /// `start` is where that begins, if another box ended there.
+    /// `start` is where that begins, if another box ended there, and whether that box ended in the skin.
     fn bind(
         &mut self,
         tissue: &mut Tissue,
         tear_box: &TearBox,
-        start: Option<[DVec3; 2]>,
+        start: (Option<[DVec3; 2]>, bool),
         report: &mut SegmentReport,
     ) -> [DVec3; 2] {
         let step = &mut self.step;
