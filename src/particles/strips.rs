@@ -269,11 +269,13 @@ impl Strips {
     }
 
     /// Where links of a vertex across strip `k` are tested from that is a lip of a strip in line with `k` and lies beyond that one: its
-    /// mirror image, which is on its side ([`StripGeometry::on_side`]).
+    /// mirror image, which is on its side ([`StripGeometry::on_side`]), if that is no farther away than the margin that links across `k`
+    /// are looked for within. Where tissue was drawn out of all shape as it was cut, a lip may be anywhere beside its strip.
     pub(super) fn image(&self, k: usize, rest: &[DVec3], v: VertexId) -> Option<DVec3> {
         let along = &self.derived.along;
         let in_line = |lip: &&LipSide| along[lip.strip as usize].is_in_line(&along[k]);
-        self.lip_sides(v).iter().filter(in_line).find_map(|lip| self.image_by(lip, rest, v))
+        let within = |image: &DVec3| image.distance(rest[v.index()]) <= self.geometry(k).margin;
+        self.lip_sides(v).iter().filter(in_line).find_map(|lip| self.image_by(lip, rest, v)).filter(within)
     }
 
     fn image_by(&self, lip: &LipSide, rest: &[DVec3], v: VertexId) -> Option<DVec3> {
