@@ -65,7 +65,8 @@ pub struct StripJson {
     /// The radius of influence `d` that the test extends it by: `d` above the base, `d / 4` below the tip.
     pub radius: f64,
     /// What is tested: the extended corners' triangles `tip0, tip1, base1` and `tip0, base1, base0`, metres. Those of a strip that is not
-    /// flat at rest do not lie in the planes of [`StripJson::corners`].
+    /// flat at rest do not lie in the planes of [`StripJson::corners`]; where one is folded the smaller is turned over, or the larger stands
+    /// twice.
     pub tested: [[[f64; 3]; 3]; 2],
 }
 

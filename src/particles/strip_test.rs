@@ -9,8 +9,10 @@ use std::borrow::Borrow;
 /// and cut along a fixed diagonal.
 #[derive(Clone, Debug)]
 pub struct StripGeometry {
-    /// `(tip0, tip1, base1)` and `(tip0, base1, base0)`, extended.
+    /// `(tip0, tip1, base1)` and `(tip0, base1, base0)`, extended; see [`agreed`] for a strip that is folded.
     pub triangles: [[DVec3; 3]; 2],
+    /// `tip0, tip1, base1, base0`, extended.
+    corners: [DVec3; 4],
     /// Cross product of each triangle's edges: twice its area long, towards side +1.
     normals: [DVec3; 2],
     /// The same, of unit length; zero for a triangle without area.
@@ -75,6 +77,15 @@ enum LipTest {
 /// triangle's normal.
 const MOST_OF_WAY: f64 = 0.25;
 
+/// A triangle of a strip is a needle if its area is less than this share of the other's.
+const NEEDLE: f64 = 1e-2;
+
+/// Cosine of the angle between the normals of a strip's triangles, below which a needle is skewed.
+const SKEWED: f64 = 0.9;
+
+/// The same, below which the strip is folded; what lies between is twisted.
+const FOLDED: f64 = -0.97;
+
 /// Heights of lips over their strips at rest, as a share of the strip's size, that come from rounding.
 const ROUNDED: f64 = 1e-5;
 
@@ -89,8 +100,7 @@ impl StripGeometry {
         });
         let (tip0, tip1) = (tip0 - ups[0] * down, tip1 - ups[1] * down);
         let (base0, base1) = (base0 + ups[0] * up, base1 + ups[1] * up);
-        let triangles = [[tip0, tip1, base1], [tip0, base1, base0]];
-        let normals = triangles.map(|[p, q, s]| (q - p).cross(s - p));
+        let (triangles, normals) = agreed([[tip0, tip1, base1], [tip0, base1, base0]]);
         let corners = [tip0, tip1, base1, base0];
         let low = corners.into_iter().fold(DVec3::INFINITY, DVec3::min);
         let high = corners.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max);
@@ -100,7 +110,7 @@ impl StripGeometry {
         let products = triangles.map(|[p, q, s]| (q - p).length() * (s - p).length());
         let roundings = [0, 1].map(|t| 1e-13 * normals[t].abs().element_sum() + 4e-15 * products[t]);
         let duals = triangles.map(duals);
-        Self { triangles, normals, units, normal, roundings, duals, low, high, margin: 0.25 * d }
+        Self { triangles, corners, normals, units, normal, roundings, duals, low, high, margin: 0.25 * d }
     }
 
     /// Unit normal towards side +1, zero for a strip without area.
@@ -164,8 +174,7 @@ impl StripGeometry {
         if from.cmplt(self.low - radius).any() || from.cmpgt(self.high + radius).any() {
             return None;
         }
-        let [[tip0, tip1, base1], [.., base0]] = self.triangles;
-        let d = from - tip0;
+        let d = from - self.corners[0];
         let heights = self.units.map(|n| n.dot(d));
         // on one side of both planes the link has at least the height to the nearer to go
         let nearest = if heights[0] * heights[1] > 0.0 { heights[0].abs().min(heights[1].abs()) } else { 0.0 };
@@ -176,7 +185,7 @@ impl StripGeometry {
         let (mut low, mut high) = (self.low, self.high);
         if nearest > 0.0 {
             let scale = radius / nearest;
-            for corner in [tip0, tip1, base1, base0] {
+            for corner in self.corners {
                 let far = from + (corner - from) * scale;
                 (low, high) = (low.min(far), high.max(far));
             }
@@ -197,8 +206,7 @@ impl StripGeometry {
         if is_in(0) || is_in(1) {
             return Sight::everywhere(from);
         }
-        let [[tip0, tip1, base1], [.., base0]] = self.triangles;
-        let corners = [tip0, tip1, base1, base0].map(|c| c - from);
+        let corners = self.corners.map(|c| c - from);
         let mut normals = [[0.0f32; 4]; 3];
         for i in 0..4 {
             let (a, b) = (corners[i], corners[(i + 1) % 4]);
@@ -381,6 +389,23 @@ pub fn share_between([tip0, tip1, base1, base0]: [DVec3; 4], normal: DVec3, p: D
     };
     let (start, end) = (inside(tip0, base0, tip1 + base1), inside(tip1, base1, tip0 + base0));
     if start + end > 0.0 { start / (start + end) } else { 0.5 }
+}
+
+/// The triangles of a strip and their normals, so that side +1 is the same for both. A blade that turned about a point at its end as it
+/// was seen may have turned about one of its own at rest, and the strip is folded there: the smaller triangle is turned over. A needle
+/// that faces elsewhere than the other triangle has no sides that mean anything, and gives way to the other, which stands twice then.
+fn agreed(mut triangles: [[DVec3; 3]; 2]) -> ([[DVec3; 3]; 2], [DVec3; 2]) {
+    let cross = |[p, q, s]: [DVec3; 3]| (q - p).cross(s - p);
+    let normals = triangles.map(cross);
+    let lengths = normals.map(DVec3::length);
+    let smaller = usize::from(lengths[1] < lengths[0]);
+    let cosine = normals[0].dot(normals[1]) / (lengths[0] * lengths[1]);
+    if lengths[smaller] < NEEDLE * lengths[1 - smaller] && cosine < SKEWED {
+        triangles[smaller] = triangles[1 - smaller];
+    } else if cosine < FOLDED {
+        triangles[smaller].swap(1, 2);
+    }
+    (triangles, triangles.map(cross))
 }
 
 /// See [`StripGeometry::duals`].

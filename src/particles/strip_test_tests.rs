@@ -33,6 +33,48 @@ fn blades_that_meet_leave_a_strip_its_sides() {
     }
 }
 
+/// Tissue bent about a point near the end of the blade: at rest one end went back, or all but stood, a little out of the plane.
+#[test]
+fn a_folded_strip_has_the_same_sides_everywhere() {
+    let mut facing = 0;
+    for (back, out) in
+        [(0.02, 0.0), (0.2, 0.0), (0.2, 1e-5), (0.6, 0.0), (1e-3, 1e-5), (1e-3, -1e-5), (1e-4, 1e-4), (1e-4, -1e-4)]
+    {
+        for at_base in [false, true] {
+            let [near, far] = if at_base { [0.0, -1.0] } else { [-1.0, 0.0] };
+            let mut corners = [(0.0, near), (-back, near), (1.0, far), (0.0, far)].map(|(x, z)| DVec3::new(x, 0.0, z));
+            corners[1].y = out;
+            if at_base {
+                corners.reverse();
+            }
+            let [p, q, r, s] = corners;
+            facing += usize::from((q - p).cross(r - p).dot((r - p).cross(s - p)) > 0.0);
+            for d in [0.0, 0.2] {
+                let strip = StripGeometry::new(corners, d);
+                let side = |p: DVec3| strip.side_near(p);
+                let off = 0.05 * strip.normal();
+                let places: Vec<DVec3> = (1..8)
+                    .flat_map(|i| (1..8).map(move |j| DVec3::new(-0.1 + 0.14 * f64::from(i), 0.0, -0.125 * f64::from(j))))
+                    .collect();
+                for &p in &places {
+                    assert_eq!([side(p + off), side(p - off)], [1, -1], "{back} {out} {at_base} {d}: {p}");
+                    for &q in &places {
+                        for (sign, known) in [(1.0, 1), (-1.0, -1)] {
+                            let ends = [p, q].map(|p| p + sign * off);
+                            assert!(!strip.crosses(ends[0], ends[1]));
+                            assert!(!strip.crosses_link([lip(ends[0], known), point(ends[1])]));
+                        }
+                    }
+                }
+                let middle = DVec3::new(0.3, 0.0, far + 0.2 * (near - far));
+                assert!(strip.crosses(middle + off, middle - off), "{back} {out} {at_base} {d}");
+                assert!(strip.crosses_link([lip(middle + off, 1), point(middle - off)]));
+            }
+        }
+    }
+    assert!(facing < 8, "{facing} of 16 are not folded");
+}
+
 #[test]
 fn a_point_in_a_strip_sees_it_on_both_sides() {
     let strip = StripGeometry::new([DVec3::ZERO, DVec3::X, DVec3::new(1.0, 1.0, 0.0), DVec3::Y], 0.2);
@@ -178,12 +220,13 @@ fn what_crosses_is_in_sight() {
     let random = |i: u64| DVec3::new(noise(3 * i), noise(3 * i + 1), noise(3 * i + 2));
     let (mut crossing, mut refused) = (0, 0);
     for i in 0..4000 {
-        // flat and twisted strips, now and then far from the origin
+        // flat, twisted and folded strips, now and then far from the origin
         let offset = if i % 5 == 0 { DVec3::splat(30.0) } else { DVec3::ZERO };
         let at = |k: u64| offset + random(100 + 8 * i + k);
         let (tip, base, along) = (at(0), at(1), 0.4 * (random(i) - 0.5));
         let twist = if i % 2 == 0 { DVec3::ZERO } else { 0.2 * (at(2) - at(3)) };
-        let strip = StripGeometry::new([tip, tip + along, base + along + twist, base], 0.1);
+        let fold = if i % 7 == 0 { -0.4 } else { 1.0 };
+        let strip = StripGeometry::new([tip, tip + fold * along, base + along + twist, base], 0.1);
         let (a, b) = (at(4), at(5));
         let radius = 1.1 * a.distance(b);
         let sight = strip.sight(a, radius);

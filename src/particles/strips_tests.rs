@@ -126,7 +126,7 @@ fn a_lip_beyond_its_strip_links_to_its_own_side_of_the_bend() {
     for i in 0..8 {
         let [x0, x1] = [i, i + 1].map(|i| 0.1 * f64::from(i));
         let corners = [(x0, -1.0), (x1, -1.0), (x1, 0.0), (x0, 0.0)].map(|(x, z)| DVec3::new(x, bend(x), z));
-        strips.push(corners, 0.2, 0).unwrap();
+        strips.push(corners, 0.6, 0).unwrap();
     }
     // side +1 is the one towards -y
     let at = |x: f64, off: f64| DVec3::new(x, bend(x) + off, -0.5);
@@ -144,6 +144,11 @@ fn a_lip_beyond_its_strip_links_to_its_own_side_of_the_bend() {
     strips.set_lip(lip, 6, -1);
     assert!(strips.connects_vertices(&rest, lip, opposite) && !strips.connects_vertices(&rest, lip, beside));
     assert_ne!(strips.code_of(3, &rest, lip), 0);
+    // nor is one that lies farther beyond than links are looked for: it is tested from where it is
+    let far = [at(0.65, 0.15)];
+    strips.set_lip(lip, 6, 1);
+    assert!(strips.image(3, &rest, lip).is_some() && strips.image(3, &far, lip).is_none());
+    assert_ne!(strips.code_of(3, &far, lip), 0);
 }
 
 #[test]
