@@ -9,7 +9,8 @@ use std::borrow::Borrow;
 /// and cut along a fixed diagonal.
 #[derive(Clone, Debug)]
 pub struct StripGeometry {
-    /// `(tip0, tip1, base1)` and `(tip0, base1, base0)`, extended; see [`agreed`] for a strip that is folded.
+    /// `(tip0, tip1, base1)` and `(tip0, base1, base0)`, extended. Of a strip that is folded the smaller one is turned over; a needle that
+    /// faces elsewhere gives way to the other, which stands twice then.
     pub triangles: [[DVec3; 3]; 2],
     /// `tip0, tip1, base1, base0`, extended.
     corners: [DVec3; 4],
