@@ -224,3 +224,39 @@ fn the_wound_follows_the_blade_s_way_through_the_skin() {
     let [few, half, most] = [offs.len() / 20, offs.len() / 2, offs.len() - 1].map(|k| offs[k] / (0.5 * WIDTH));
     assert!(offs.len() > 60 && few > 0.6 && (0.99..1.1).contains(&half) && most < 1.35, "{few} {half} {most} of half the width");
 }
+
+/// A bar bends about a point in the blade, whose ends go opposite ways through it: at rest strips are folded, and lips beside a strip's end
+/// opened by 2 to 3 mm more or less than what they touch.
+#[test]
+fn a_wound_cut_about_a_point_in_the_blade_opens_evenly() {
+    const WIDTH: f64 = 0.002;
+    let mut scene = users_scene("beam", 2_816, 0.5);
+    scene.set_animation(Some(0));
+    scene.edit(EditCommand::StrokeBegin { width: WIDTH });
+    for frame in 0..135 {
+        let t = f64::from(frame) * STEP;
+        scene.pose(0.5 + t, 0.5 + t);
+        if frame <= 90 {
+            let tip = DVec3::new(0.1 * t, 0.0, 0.0);
+            scene.edit(EditCommand::StrokePose(BladePose { t, tip, base: tip + 0.2 * DVec3::Y }));
+        }
+        if frame == 90 {
+            scene.edit(EditCommand::StrokeEnd);
+        }
+        scene.step(STEP);
+    }
+    assert_eq!(scene.validate(), Ok(()));
+    let (_, tissue) = scene.tissues().next().unwrap();
+    let on_border = || open_half_edges(tissue.mesh()).into_iter().map(|h| tissue.mesh().from(h));
+    for side in [-1.0, 1.0] {
+        let rest = |v: VertexId| tissue.rest_positions()[v.index()];
+        let is_lip = |v: &VertexId| (rest(*v).y - 0.06).abs() < 1e-6 && (rest(*v).z * side - 0.5 * WIDTH).abs() < 0.05 * WIDTH;
+        let mut lip: Vec<[f64; 2]> =
+            on_border().filter(is_lip).map(|v| [rest(v).x, side * (tissue.position(v) - rest(v)).z]).collect();
+        lip.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        let steps = lip.windows(2).map(|w| (w[1][1] - w[0][1]).abs() - 0.4 * (w[1][0] - w[0][0]));
+        let (step, widest) = (steps.fold(0.0, f64::max), lip.iter().map(|l| l[1]).fold(0.0, f64::max));
+        assert!(lip.len() > 30 && step < 0.5e-3, "{side}: {step}, {lip:.4?}");
+        assert!((1.5e-3..4e-3).contains(&widest) && lip.iter().all(|l| l[1] > -0.1e-3), "{side}: {widest}, {lip:.4?}");
+    }
+}
