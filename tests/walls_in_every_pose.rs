@@ -112,7 +112,8 @@ fn a_stab_along_a_bending_beam_does_not_double_its_walls() {
     let (walls, boxes): (usize, _) = (report.segments.iter().map(|s| s.wall_faces).sum(), report.segments.len());
     // with the folds cut again by every box, 1,667 of 18 boxes and 24 shreds
     assert!(boxes > 12 && walls < 44 * boxes && report.pieces.len() == 1, "{walls} of {boxes} boxes, {:?}", report.pieces);
-    // both sides of the slot, its floor and its end: as large as they are where half as many boxes cut them
+    // both sides of the slot, its floor and its ends: as large as they are where half as many boxes cut them, or half as many more (there
+    // were 4.9 to 5.1 with both sides of a film across it, where a chain ends and another begins)
     let (_, tissue) = scene.tissues().next().unwrap();
     let mesh = tissue.mesh();
     let area = |f| {
@@ -120,5 +121,5 @@ fn a_stab_along_a_bending_beam_does_not_double_its_walls() {
         0.5 * (b - a).cross(c - a).length()
     };
     let lined: f64 = mesh.live_faces().filter(|f| mesh.is_interior(*f)).map(area).sum();
-    assert!((0.004_9..0.005_1).contains(&lined), "{lined} m2");
+    assert!((0.004_5..0.004_6).contains(&lined), "{lined} m2");
 }

@@ -120,6 +120,18 @@ impl Grid {
     }
 }
 
+/// What a chain goes on from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ChainStart {
+    /// It begins by itself, or goes on from a joint that it shares.
+    #[default]
+    Free,
+    /// The box that ended at this joint, without sharing it: the wound is one all the same.
+    Box(JointId),
+    /// A box that came the other way: the wound ends there.
+    Hairpin,
+}
+
 /// The convex hull of two joint quads: ten half-spaces. Corners 0 to 3 are the start quad's, 4 to 7 the end quad's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TearBox {
@@ -141,6 +153,8 @@ pub struct TearBox {
     pub chain: u32,
     /// Its place in the chain, from 0.
     pub index: u32,
+    /// What its chain goes on from, if it is the chain's first box.
+    pub from: ChainStart,
 }
 
 impl TearBox {

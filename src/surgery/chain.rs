@@ -8,9 +8,9 @@
 //! it, which stop a little short of it; or one, where the point is at an end.
 
 use super::blade_path::{BladePose, Sampling};
-use super::boxes::{JointId, TearSegment};
+use super::boxes::{ChainStart, JointId, TearSegment};
 pub use super::lane::PendingQuad;
-use super::lane::{Blade, Lane, Maker, Part};
+use super::lane::{Blade, Lane, Maker, Part, direction};
 use super::path_sampler::{ClippedSample, SampleKind};
 use super::pivot::parts;
 use glam::DVec3;
@@ -29,9 +29,21 @@ pub struct ChainBuilder {
     lanes: Vec<Lane>,
     /// Those of the sample before, while it is looked at which of them go on.
     before: Vec<Lane>,
+    /// Where lanes have ended at it.
+    ends: Vec<End>,
     outside: Option<BladePose>,
     /// The newest sample is the first outside, and the chains are yet to end there.
     is_leaving: bool,
+}
+
+/// Where a lane has ended.
+#[derive(Clone, Debug)]
+struct End {
+    joint: JointId,
+    /// What it was of the blade there.
+    part: Part,
+    /// The way it came, unit length.
+    way: DVec3,
 }
 
 /// Lanes of a stroke that there is room for at first.
@@ -44,13 +56,14 @@ impl ChainBuilder {
     /// A builder for one stroke of `width` metres (0: a slit; negative or NaN counts as 0, callers refuse it earlier).
     pub fn new(width: f64, sampling: &Sampling) -> Self {
         let maker = Maker::new(width, sampling);
-        Self { maker, last: None, lanes: Vec::new(), before: Vec::new(), outside: None, is_leaving: false }
+        Self { maker, last: None, lanes: Vec::new(), before: Vec::new(), ends: Vec::new(), outside: None, is_leaving: false }
     }
 
     /// Makes room for a usual stroke.
     pub fn make_room(&mut self) {
         self.lanes.reserve(LANES);
         self.before.reserve(LANES);
+        self.ends.reserve(LANES);
         self.maker.make_room(LANES);
     }
 
@@ -58,7 +71,7 @@ impl ChainBuilder {
     pub fn again(mut self, width: f64, sampling: &Sampling) -> Self {
         self.lanes.clear();
         let new = Self::new(width, sampling);
-        Self { maker: new.maker.with_rooms_of(self.maker), lanes: self.lanes, before: self.before, ..new }
+        Self { maker: new.maker.with_rooms_of(self.maker), lanes: self.lanes, before: self.before, ends: self.ends, ..new }
     }
 
     /// Boxes that come are of `width` metres; slits stay slits.
@@ -165,7 +178,9 @@ impl ChainBuilder {
     pub fn release(&mut self, out: &mut Vec<TearSegment>) {
         self.settle();
         if let Some(last) = self.last.take() {
-            self.lanes.drain(..).for_each(|lane| lane.close(&last, &mut self.maker, out));
+            for lane in self.lanes.drain(..) {
+                lane.close(&last, &mut self.maker, out);
+            }
         }
         (self.outside, self.is_leaving) = (None, false);
     }
@@ -232,13 +247,18 @@ impl ChainBuilder {
     /// Lanes go on, end and begin at the newest sample as the way from it to `next` asks; that is the newest then.
     fn accept(&mut self, next: Blade, out: &mut Vec<TearSegment>) {
         let Some(last) = self.last.replace(next) else { return };
-        let Self { maker, lanes, before, .. } = self;
+        let Self { maker, lanes, before, ends, .. } = self;
         let (wanted, count) = parts(&last, &next, maker.grid);
         let wanted = &wanted[..count];
         let reach = MOST_DRIFT * last.length();
         let goes_on = |lane: &Lane, on: &[Part; 2]| lane.part.is_near(on[0], last.length(), reach);
-        let ended = lanes.extract_if(.., |lane| !wanted.iter().any(|on| goes_on(lane, on)));
-        ended.for_each(|lane| lane.close(&last, maker, out));
+        let is_new = lanes.is_empty();
+        ends.clear();
+        for lane in lanes.extract_if(.., |lane| !wanted.iter().any(|on| goes_on(lane, on))) {
+            let part = lane.part;
+            let way = lane.way_to(&maker.part(&last, part));
+            ends.extend(lane.close(&last, maker, out).map(|joint| End { joint, part, way }));
+        }
         std::mem::swap(lanes, before);
         for &on in wanted {
             match before.iter().position(|lane| goes_on(lane, &on)) {
@@ -247,7 +267,24 @@ impl ChainBuilder {
                     lane.step(&last, &next, on, maker, out);
                     lanes.push(lane);
                 }
-                None => lanes.push(Lane::new(&last, on, maker)),
+                None => {
+                    let way = direction(&maker.part(&last, on[0]), &maker.part(&next, on[1]), &last);
+                    let shared = |e: &&End| e.part.shared(on[0], last.length());
+                    let same_way = |e: &&End| e.way.dot(way) > 0.0;
+                    let is_upper = |part: Part| part.high == f64::INFINITY;
+                    // it is the upper lane that cuts the wound in the skin that the blade enters by
+                    let from = match ends.iter().find(|e| is_upper(on[0]) && is_upper(e.part)) {
+                        Some(end) if same_way(&end) => ChainStart::Box(end.joint),
+                        Some(_) => ChainStart::Hairpin,
+                        None => {
+                            let meets = ends.iter().filter(|e| shared(e) > 0.0).filter(same_way);
+                            let end = meets.max_by(|a, b| shared(a).total_cmp(&shared(b)));
+                            end.map_or(ChainStart::Free, |end| ChainStart::Box(end.joint))
+                        }
+                    };
+                    let after = (!is_new).then_some(from);
+                    lanes.push(Lane::new(&last, on, after, maker));
+                }
             }
         }
         before.clear();

@@ -4,7 +4,7 @@
 //! They need not be as many as the lane's: a new one comes when the blade has gone a quarter of the width.
 
 use super::boxes::{Grid, TearSegment};
-use super::lane::{Blade, Maker, Part, PendingQuad};
+use super::lane::{Blade, Maker, Part, PendingQuad, direction};
 
 /// By how much a lane keeps off more than it has to.
 const SPARE: f64 = 1.5;
@@ -23,6 +23,8 @@ pub(super) struct Hub {
     /// Metres along the blade.
     pub(super) inset: f64,
     start: Option<Blade>,
+    /// A box of the tip has ended there.
+    goes_on: bool,
 }
 
 impl Part {
@@ -67,7 +69,7 @@ impl Hub {
     /// For a new lane at `blade`: it keeps off the tip as the one before it on this side of the pivot did.
     pub(super) fn again(blade: &Blade, part: Part, maker: &mut Maker) -> Self {
         let inset = if part == Part::WHOLE { 0.0 } else { maker.insets[part.side()] };
-        let mut hub = Self { inset: if inset <= most_inset(blade, part) { inset } else { 0.0 }, start: None };
+        let mut hub = Self { inset: if inset <= most_inset(blade, part) { inset } else { 0.0 }, start: None, goes_on: false };
         hub.go_on_from(blade, part, maker);
         hub
     }
@@ -76,6 +78,7 @@ impl Hub {
     pub(super) fn go_on_from(&mut self, blade: &Blade, part: Part, maker: &mut Maker) {
         if self.inset > 0.0 {
             self.start = part.tip(self.inset + OVERLAP * maker.width).map(|tip| maker.part(blade, tip));
+            self.goes_on = false;
         }
     }
 
@@ -85,8 +88,9 @@ impl Hub {
         let here = maker.part(end, tip);
         let way = (here.tip - start.tip).length().max((here.top - start.top).length());
         if is_last || way >= TRAVEL * maker.width {
+            let start = if self.goes_on { maker.drawn_back(&start, direction(&start, &here, &start)) } else { start };
             maker.push_alone([&start, &here], NARROWER, out);
-            self.start = Some(here);
+            (self.start, self.goes_on) = (Some(here), true);
         }
     }
 

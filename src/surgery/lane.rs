@@ -5,7 +5,8 @@
 
 use super::blade_path::Sampling;
 use super::boxes::{
-    Grid, HalfSpace, Hull, JointFrame, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, boxes_apart, hull,
+    ChainStart, Grid, HalfSpace, Hull, JointFrame, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment,
+    boxes_apart, hull,
 };
 use super::hub::Hub;
 use super::path_sampler::reject;
@@ -19,6 +20,9 @@ const MOST_DROPPED: u32 = 8;
 
 /// Boxes that a chain finds room for at once.
 const ROOM: usize = 64;
+
+/// How far a chain that begins where another has come to an end reaches back into it, in widths.
+const REACH_BACK: f64 = 0.1;
 
 /// How much shorter, as a share of it, the part of a blade beside a pivot is tried where its box is not valid.
 const SHORTER: [f64; 2] = [1e-2, 1e-1];
@@ -50,6 +54,9 @@ pub(super) struct Part {
 pub(super) enum Start {
     /// A chain's first sample: its joint is perpendicular to the travel to the next.
     Fresh(Blade),
+    /// A chain's first sample, where another has come to an end: the box starts a little behind it, as two joints that are each
+    /// perpendicular to their own travel would leave a film between them. With what it goes on from.
+    Again(Blade, ChainStart),
     /// The end of the box before.
     Joint(Joint),
 }
@@ -149,6 +156,11 @@ impl Part {
         Self { low: self.low.max(other.low), high: self.high.min(other.high) }
     }
 
+    /// How much two stretches of a blade of this length have in common, metres; less than 0 if they are apart.
+    pub(super) fn shared(self, other: Self, length: f64) -> f64 {
+        self.high.min(other.high).min(length) - self.low.max(other.low)
+    }
+
     /// True if neither end is farther from the other's than `reach`, on a blade of this length.
     pub(super) fn is_near(self, other: Self, length: f64, reach: f64) -> bool {
         (self.low - other.low).abs() <= reach && (self.high.min(length) - other.high.min(length)).abs() <= reach
@@ -167,10 +179,19 @@ impl Part {
 }
 
 impl Start {
+    /// What a chain goes on from that begins there.
+    fn from(&self) -> ChainStart {
+        match self {
+            Self::Fresh(_) => ChainStart::Free,
+            Self::Again(_, from) => *from,
+            Self::Joint(joint) => joint.ids.map_or(ChainStart::Free, |ids| ChainStart::Box(ids.0)),
+        }
+    }
+
     /// The blade at the start, as far as travel is concerned.
     fn blade(&self) -> Blade {
         match self {
-            Self::Fresh(blade) => *blade,
+            Self::Fresh(blade) | Self::Again(blade, _) => *blade,
             Self::Joint(j) => {
                 let (tip, top) = (j.frame.tip, j.frame.top);
                 Blade { serial: j.serial, tip, top, spare: 0.0, raised: 0.0, deepened: 0.0, quad: [tip, tip, top, top] }
@@ -180,12 +201,13 @@ impl Start {
 }
 
 impl Lane {
-    /// A new chain that starts at `first`, of which `on[0]` is its part. `on[1]` is what it is of the blade that comes next.
-    pub(super) fn new(first: &Blade, on: [Part; 2], maker: &mut Maker) -> Self {
+    /// A new chain that starts at `first`, of which `on[0]` is its part, where others have ended if it is `after` them. `on[1]` is what it is of the blade that comes next.
+    pub(super) fn new(first: &Blade, on: [Part; 2], after: Option<ChainStart>, maker: &mut Maker) -> Self {
         let hub = Hub::again(first, on[0], maker);
         let start = maker.part(first, on[0].inset(hub.inset));
         let kept = maker.spare.pop().unwrap_or_else(|| Vec::with_capacity(ROOM));
-        Self { start: Start::Fresh(start), part: on[1], dropped: 0, chain: 0, kept, hub }
+        let start = after.map_or(Start::Fresh(start), |from| Start::Again(start, from));
+        Self { start, part: on[1], dropped: 0, chain: 0, kept, hub }
     }
 
     /// The joint at which the last box ended.
@@ -205,7 +227,7 @@ impl Lane {
     pub(super) fn start_quads_mut(&mut self) -> impl Iterator<Item = PendingQuad<'_>> {
         let joint = self.joint();
         let start = match &mut self.start {
-            Start::Fresh(blade) => blade.pending(),
+            Start::Fresh(blade) | Start::Again(blade, _) => blade.pending(),
             Start::Joint(start) => PendingQuad { serial: start.serial, joint, corners: &mut start.quad },
         };
         std::iter::once(start).chain(self.hub.start_quad_mut())
@@ -219,7 +241,7 @@ impl Lane {
     pub(super) fn settle(&mut self, grid: Grid) {
         self.hub.settle(grid);
         match &mut self.start {
-            Start::Fresh(blade) => blade.settle(grid),
+            Start::Fresh(blade) | Start::Again(blade, _) => blade.settle(grid),
             Start::Joint(j) => {
                 if j.quad != j.frame.quad() {
                     j.frame = JointFrame::fitted(&j.quad, grid);
@@ -241,7 +263,8 @@ impl Lane {
         if incoming.dot(outgoing) < SHARPEST_TURN_COSINE {
             self.close_at(&end, part, maker, out);
             self.hub.step(last, part, true, maker, out);
-            self.begin(begin);
+            (self.start, self.dropped) = (Start::Fresh(begin), 0);
+            self.kept.clear();
             self.hub.go_on_from(last, on[0], maker);
         } else if part == Part::WHOLE {
             self.go_on(&end, begin, incoming, outgoing, maker, out);
@@ -251,16 +274,18 @@ impl Lane {
         } else {
             // beside a pivot a dropped sample would leave much uncut
             let turns = self.turns(&end, incoming, outgoing);
-            self.close_at(&end, part, maker, out);
+            let end = self.close_at(&end, part, maker, out);
             self.hub.step(last, part, true, maker, out);
             self.hub.begin(last, on[0], turns, maker);
-            self.begin(maker.part(last, on[0].inset(self.hub.inset)));
+            let first = maker.part(last, on[0].inset(self.hub.inset));
+            self.begin(first, end.map_or(ChainStart::Free, ChainStart::Box));
         }
         self.part = on[1];
     }
 
-    fn begin(&mut self, first: Blade) {
-        (self.start, self.dropped) = (Start::Fresh(first), 0);
+    /// A new chain, of this lane, where the last has come to an end.
+    fn begin(&mut self, first: Blade, from: ChainStart) {
+        (self.start, self.dropped) = (Start::Again(first, from), 0);
         self.kept.clear();
     }
 
@@ -277,20 +302,20 @@ impl Lane {
             (self.start, self.dropped) = (Start::Joint(joint), 0);
         } else if self.dropped == 0 {
             self.dropped = 1;
-        } else if self.build_straight(self.start, end, maker, out) {
+        } else if let Some(end) = self.build_straight(self.start, end, maker, out) {
             // A sample was dropped and the box was still invalid: end the chain and start a new one.
-            self.begin(begin);
+            self.begin(begin, ChainStart::Box(end));
         } else if let Start::Joint(_) = self.start {
             self.kept.clear();
-            self.start = Start::Fresh(self.start.blade());
+            self.start = Start::Again(self.start.blade(), self.start.from());
             self.go_on(end, begin, incoming, outgoing, maker, out);
         } else if self.turn_back(end, maker, out) {
-            self.begin(begin);
+            self.begin(begin, ChainStart::Free);
         } else if self.dropped < MOST_DROPPED {
             self.dropped += 1;
         } else {
             maker.skipped += 1;
-            self.begin(begin);
+            self.begin(begin, ChainStart::Free);
         }
     }
 
@@ -299,20 +324,27 @@ impl Lane {
     fn turns(&self, end: &Blade, incoming: DVec3, outgoing: DVec3) -> [f64; 2] {
         let across = |up: DVec3, way: DVec3| up.cross(reject(way, up)).normalize_or_zero();
         let (start, times) = match &self.start {
-            Start::Fresh(blade) => (across(blade.up(), direction(blade, end, blade)), 2.0),
+            Start::Fresh(blade) | Start::Again(blade, _) => (across(blade.up(), direction(blade, end, blade)), 2.0),
             Start::Joint(joint) => (joint.frame.half.normalize_or_zero(), 1.0),
         };
         let turned = start.distance(across(end.up(), incoming + outgoing));
         [self.start.blade().up().distance(end.up()), times * turned]
     }
 
+    /// The way of the last box that comes to `last`, across the blade there.
+    pub(super) fn way_to(&self, last: &Blade) -> DVec3 {
+        direction(&self.start.blade(), last, last)
+    }
+
     /// Ends the chain at the newest sample, perpendicular to the travel.
-    pub(super) fn close(mut self, last: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) {
+    /// Gives the joint there, if a box has come to it.
+    pub(super) fn close(mut self, last: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) -> Option<JointId> {
         let end = maker.part(last, self.part.inset(self.hub.inset));
-        self.close_at(&end, self.part, maker, out);
+        let joint = self.close_at(&end, self.part, maker, out);
         self.hub.step(last, self.part, true, maker, out);
         self.kept.clear();
         maker.spare.push(self.kept);
+        joint
     }
 
     /// Where tissue that moves has turned the start since, so that the whole blade comes to `end` about a point of its own: what is below
@@ -322,32 +354,42 @@ impl Lane {
         let (wanted, count) = parts(&start, end, maker.grid);
         let turns = wanted[0] != [Part::WHOLE; 2];
         if turns {
-            wanted[..count].iter().for_each(|&on| Lane::new(&start, on, maker).close(end, maker, out));
+            for &on in &wanted[..count] {
+                Lane::new(&start, on, Some(ChainStart::Free), maker).close(end, maker, out);
+            }
         }
         turns
     }
 
-    fn close_at(&mut self, end: &Blade, part: Part, maker: &mut Maker, out: &mut Vec<TearSegment>) {
-        if self.build_straight(self.start, end, maker, out) {
-            return;
+    fn close_at(&mut self, end: &Blade, part: Part, maker: &mut Maker, out: &mut Vec<TearSegment>) -> Option<JointId> {
+        let joint = self.build_straight(self.start, end, maker, out);
+        if joint.is_some() {
+            return joint;
         }
         self.kept.clear();
-        let start = self.start.blade();
-        let mut is_built = matches!(self.start, Start::Joint(_)) && self.build_straight(Start::Fresh(start), end, maker, out)
-            || part == Part::WHOLE && self.turn_back(end, maker, out);
-        for by in SHORTER {
-            if !is_built && part != Part::WHOLE {
-                let [start, end] = [&start, end].map(|blade| maker.part(blade, part.ends_in(blade.length(), by)));
-                is_built = self.build_straight(Start::Fresh(start), &end, maker, out);
+        let (start, from) = (self.start.blade(), self.start.from());
+        if matches!(self.start, Start::Joint(_)) {
+            let joint = self.build_straight(Start::Again(start, from), end, maker, out);
+            if joint.is_some() {
+                return joint;
             }
         }
-        maker.skipped += u32::from(!is_built);
+        if part == Part::WHOLE {
+            maker.skipped += u32::from(!self.turn_back(end, maker, out));
+            return None;
+        }
+        let joint = SHORTER.into_iter().find_map(|by| {
+            let [start, end] = [&start, end].map(|blade| maker.part(blade, part.ends_in(blade.length(), by)));
+            self.build_straight(Start::Again(start, from), &end, maker, out)
+        });
+        maker.skipped += u32::from(joint.is_none());
+        joint
     }
 
-    /// A box that ends perpendicular to its travel, if it is valid.
-    fn build_straight(&mut self, start: Start, end: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) -> bool {
+    /// A box that ends perpendicular to its travel, if it is valid; gives the joint there.
+    fn build_straight(&mut self, start: Start, end: &Blade, maker: &mut Maker, out: &mut Vec<TearSegment>) -> Option<JointId> {
         let incoming = direction(&start.blade(), end, end);
-        self.build(start, end, incoming, incoming, maker, out).is_some()
+        self.build(start, end, incoming, incoming, maker, out)?.ids.map(|ids| ids.0)
     }
 
     /// The box from `start` to a joint at `end`, mitred between the two unit directions (MATHS 5.2), if it is valid.
@@ -360,11 +402,17 @@ impl Lane {
         maker: &mut Maker,
         out: &mut Vec<TearSegment>,
     ) -> Option<Joint> {
+        let mut from = ChainStart::Free;
         let mut start = match start {
             Start::Joint(joint) => joint,
             Start::Fresh(blade) => {
                 let way = direction(&blade, end, &blade);
                 maker.joint(&blade, way, way)?
+            }
+            Start::Again(blade, of) => {
+                from = of;
+                let way = direction(&blade, end, &blade);
+                maker.joint(&maker.drawn_back(&blade, way), way, way)?
             }
         };
         let mut end = maker.joint(end, incoming, outgoing)?;
@@ -384,7 +432,7 @@ impl Lane {
             self.chain = maker.next_chain;
             maker.next_chain += 1;
         }
-        (made.chain, made.index) = (self.chain, self.kept.len() as u32);
+        (made.chain, made.index, made.from) = (self.chain, self.kept.len() as u32, from);
         let is_slit = maker.slit;
         out.push(if is_slit { TearSegment::Slit(slit_of(&made)) } else { TearSegment::Box(made.clone()) });
         self.kept.push((made, bounds));
@@ -458,6 +506,12 @@ impl Maker {
         out.push(TearSegment::Box(TearBox { chain: self.next_chain - 1, ..made }));
     }
 
+    /// A blade so far behind this one that a box which starts there leaves no film where another ends. Slits leave none.
+    pub(super) fn drawn_back(&self, blade: &Blade, way: DVec3) -> Blade {
+        let back = if self.slit { DVec3::ZERO } else { self.grid.snap(way * (REACH_BACK * self.width)) };
+        Blade { tip: blade.tip - back, top: blade.top - back, ..*blade }
+    }
+
     fn joint(&self, blade: &Blade, incoming: DVec3, outgoing: DVec3) -> Option<Joint> {
         let cos_half = ((1.0 + incoming.dot(outgoing)) * 0.5).sqrt();
         let up = blade.up();
@@ -502,12 +556,13 @@ impl Maker {
             bulge: hull.bulge,
             chain: 0,
             index: 0,
+            from: ChainStart::Free,
         }
     }
 }
 
 /// Unit direction of travel from `a` to `b`, across the line of `at`; zero if there is none.
-fn direction(a: &Blade, b: &Blade, at: &Blade) -> DVec3 {
+pub(super) fn direction(a: &Blade, b: &Blade, at: &Blade) -> DVec3 {
     let up = at.up();
     reject((b.tip - a.tip) + (b.top - a.top), up).normalize_or_zero()
 }

@@ -25,7 +25,7 @@ mod wall_thin;
 pub mod walls;
 
 pub use blade_path::{BladePath, BladePose, EntryPoint, PathError, Sampling, SamplingSettings, SettingError, Surface};
-pub use boxes::{HalfSpace, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, plane_side};
+pub use boxes::{ChainStart, HalfSpace, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, plane_side};
 pub use boxes_obj::{write_boxes, write_slits};
 pub use chain::{ChainBuilder, PendingQuad};
 pub use path_sampler::{ClippedSample, PathSample, PathSampler, SampleKind};

@@ -1,8 +1,9 @@
-//! Strokes through tissue that moves (MATHS 5.5): the way that counts is the one through the tissue.
+//! Strokes through tissue that moves (MATHS 5.5): the way that counts is the one through the tissue. And blades whose pivot moves along
+//! them, as tissue that bends makes it do.
 
 use super::*;
 use crate::surgery::blade_path::{EntryPoint, SamplingSettings};
-use crate::surgery::boxes::TearBox;
+use crate::surgery::boxes::{ChainStart, TearBox};
 
 const STEP: f64 = 1.0 / 60.0;
 const SLOPE: f64 = 0.3;
@@ -57,4 +58,37 @@ fn the_cut_is_where_the_blade_went_through_the_tissue() {
 #[test]
 fn a_blade_that_stands_in_tissue_that_passes_cuts_nothing() {
     assert!(boxes(0.0, 0.3).is_empty());
+}
+
+/// A blade of 0.2 in the plane z = 0 that rolls over a circle, which it touches with its middle: on each blade the point that it has turned
+/// about and the one that it goes on to turn about are apart, and lanes end and begin anew. A box that begins where one ended the same way
+/// goes on from it, and reaches so far into it that no film is left between the two.
+#[test]
+fn boxes_of_one_wound_leave_no_film_where_one_chain_ends_and_another_begins() {
+    const WIDTH: f64 = 0.002;
+    let deep = |_: DVec3, _: DVec3| Some(EntryPoint { s: 0.0, rise: 0.0 });
+    let (mut stroke, mut out) = (Stroke::new(WIDTH, sampling()), Vec::new());
+    let mut pose = |k: u32| {
+        let t = f64::from(k) / 60.0;
+        let (sin, cos) = t.sin_cos();
+        let (touched, up) = (0.2 * DVec3::new(-cos, sin, 0.0), 0.2 * DVec3::new(sin, cos, 0.0));
+        let tip = touched - 0.5 * up;
+        stroke.push(BladePose { t, tip, base: tip + up }, &deep, &mut out);
+    };
+    (0..=60).for_each(&mut pose);
+    stroke.release(&deep, &mut out);
+    let boxes: Vec<&TearBox> = out.iter().filter_map(TearSegment::as_box).collect();
+    let mut resumed = 0;
+    for b in &boxes {
+        let ChainStart::Box(joint) = b.from else { continue };
+        let before = boxes.iter().find(|other| other.joints[1] == joint).unwrap();
+        let normal = |b: &TearBox, end: usize| if end == 0 { -b.planes[0].normal() } else { b.planes[1].normal() };
+        assert!(before.chain != b.chain && normal(before, 1).dot(normal(b, 0)) > 0.5);
+        // its start is behind the other's end, as far as that reaches along the blade
+        let beyond = b.quads[0].map(|corner| before.planes[1].normal().dot(corner - before.quads[1][0]));
+        assert!(beyond.iter().all(|d| (-0.2 * WIDTH..0.0).contains(d)), "{beyond:?}");
+        resumed += 1;
+    }
+    assert!(resumed > 3, "{resumed} of {} boxes", boxes.len());
+    assert_eq!(boxes[0].from, ChainStart::Free, "a stroke begins where nothing has ended");
 }

@@ -5,7 +5,7 @@
 //! and the next strip starts at exactly those vertices. Where the tissue has moved in between they no longer lie on the
 //! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two, out of the skin.
 
-use super::strip_ends::way_between;
+use super::strip_ends::{StripStart, way_between};
 use super::{Cut, ENDS_KEPT, SegmentReport, Swath, TearStroke};
 use crate::geometry::{FaceId, VertexId};
 use crate::surgery::leaf::{Leaf, line};
@@ -163,15 +163,12 @@ fn distance_to_line(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
 }
 
 impl TearStroke {
-    /// A chain of boxes or strips is a slit of its own, a wound with two ends, unless it `goes_on` from another or runs beside one: then
-    /// the slit before is left by the blade.
-    pub(super) fn begin_slit(&mut self, tissue: &mut Tissue, goes_on: bool) {
-        if goes_on {
-            return;
-        }
+    /// A chain of boxes or strips that goes on from no other is a slit of its own, a wound with two ends, unless it runs beside one that it
+    /// does not turn back on (`turns_back`): then the slit before is left by the blade.
+    pub(super) fn begin_slit(&mut self, tissue: &mut Tissue, turns_back: bool) {
         self.nicked.clear();
         let next = tissue.layer.as_ref().map_or(0, |l| l.strips.next_slit());
-        if next > self.slit && self.stroke.builder().is_alone() {
+        if next > self.slit && (turns_back || self.stroke.builder().is_alone()) {
             let report = tissue.release_slit();
             self.positions.edited(tissue, report.vertices_changed.iter().copied());
             tissue.scratch.update.reuse(report);
@@ -185,7 +182,9 @@ impl TearStroke {
         let before = self.slits.starts(slit, tissue.diagonal(), &mut starts);
         let has_stirred = before.is_some_and(|e| e.has_stirred(slit, tissue.diagonal()));
         let (joint, before) = (before.map(|e| e.at_rest), before.and_then(|e| e.strip));
-        self.begin_slit(tissue, joint.is_some());
+        if joint.is_none() {
+            self.begin_slit(tissue, false);
+        }
         let mut leaves = Leaf::of_slit(slit, ON_PLANE * tissue.diagonal());
         let c = slit.corners;
         let near = tissue.diagonal() * if has_stirred { STIRRED } else { 1e-9 };
@@ -224,7 +223,11 @@ impl TearStroke {
             // vertices at the joint have sides only now
             let has_joint = step.tags.iter().any(|t| t.lines & line::START != 0);
             let parts;
-            (parts, end) = self.slit_swath(tissue, &step).strip_parts(blades, (joint, has_joint && joint.is_some()), self.slit);
+            (parts, end) = self.slit_swath(tissue, &step).strip_parts(
+                blades,
+                joint.map_or(StripStart::Free, |edge| StripStart::Edge(edge, has_joint)),
+                self.slit,
+            );
             let newest = || tissue.layer.as_ref().and_then(|l| l.strips.len().checked_sub(1));
             let mut cut = Cut { goes_on_from: if has_joint { before.or_else(newest) } else { None }, ..slit_cut(tissue, &step) };
             strip = self.bind_strips(tissue, &mut cut, (&parts, blades), &mut report);

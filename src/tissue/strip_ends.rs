@@ -25,6 +25,21 @@ const LEAST_PART: f64 = 0.1;
 /// What lies so near to an end of a strip's way, as a share of it, lies at that end.
 const AT_END: f64 = 1e-6;
 
+/// Where a strip begins.
+#[derive(Clone, Copy)]
+pub(in crate::tissue) enum StripStart {
+    /// Where its blade is carried to rest.
+    Free,
+    /// At this edge (tip, top) at rest, where another ended, and whether that one ended in the skin.
+    Edge([DVec3; 2], bool),
+    /// On the line of such an edge, as far down and up as its own blade reaches: a strip is as straight at rest as it was seen, which
+    /// tissue that bends is not, and one that began where it is carried to would not meet the other.
+    Along([DVec3; 2], bool),
+}
+
+/// An end of a strip is another's where it is no farther from it than this share of their length.
+const SAME_END: f64 = 1e-3;
+
 /// A stretch of a strip on whose way the blade crossed no gap.
 #[derive(Clone, Copy)]
 pub(in crate::tissue) struct StripPart {
@@ -132,15 +147,18 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
     }
 
     /// The strip between two blades, and where it ends at rest: in two parts, or the part that there is of it, where the blade crossed
-    /// a gap between lips of an older wound, and no longer than those lips let it be. `start` is where it begins at rest, if another one
-    /// ended there, and whether `that_ends_in_skin`; `slit` is the number of its slit.
+    /// a gap between lips of an older wound, and no longer than those lips let it be. `slit` is the number of its slit.
     pub(super) fn strip_parts(
         &self,
         blades: [[DVec3; 2]; 2],
-        (start, that_ends_in_skin): (Option<[DVec3; 2]>, bool),
+        start: StripStart,
         slit: u32,
     ) -> ([Option<StripPart>; 2], [DVec3; 2]) {
-        let start = start.unwrap_or_else(|| self.rest_edge(blades[0]));
+        let (start, that_ends_in_skin) = match start {
+            StripStart::Free => (self.rest_edge(blades[0]), false),
+            StripStart::Along(edge, in_skin) => (self.rest_edge(blades[0]).map(|p| onto_line(p, edge)), in_skin),
+            StripStart::Edge(edge, in_skin) => (edge, in_skin),
+        };
         let end = self.rest_edge(blades[1]);
         let whole = StripPart::whole(blades, [start, end]);
         let (Some(layer), Some(frames)) = (&self.tissue.layer, self.frames(whole)) else { return ([Some(whole), None], end) };
@@ -313,4 +331,16 @@ fn share_of_way([[tip, top], [next_tip, next_top]]: [[DVec3; 2]; 2], p: DVec3) -
 
 pub(super) fn is_skin(tissue: &Tissue, v: VertexId) -> bool {
     tissue.mesh.fan(v).any(|h| !tissue.mesh.is_interior(h.face()))
+}
+
+/// The point nearest to `p` on the line of an edge, which is an end of the edge if it lies there but for rounding.
+fn onto_line(p: DVec3, [from, to]: [DVec3; 2]) -> DVec3 {
+    let along = to - from;
+    let share = (p - from).dot(along) / along.length_squared();
+    match share {
+        s if s.abs() <= SAME_END => from,
+        s if (s - 1.0).abs() <= SAME_END => to,
+        s if s.is_finite() => from + along * s,
+        _ => p,
+    }
 }

@@ -24,15 +24,15 @@ use crate::geometry::{Distinct, FaceId, Plane, VertexId};
 use crate::particles::LipVertex;
 use crate::surgery::tear::{Body, LipPoint, OnPlanes, TearScratch, TearStep, tear_step};
 use crate::surgery::tear_walls::WallSpec;
-use crate::surgery::{BladePose, JointId, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
+use crate::surgery::{BladePose, ChainStart, JointId, Sampling, Side, Slit, Stroke, TearBox, TearSegment, WallMode};
 use box_planes::BoxPlanes;
 use glam::{DMat3, DVec3};
 pub use segment_report::SegmentReport;
 use slit_stroke::SlitState;
 pub(super) use slit_stroke::slit_cut;
 pub(super) use strip_bind::Cut;
-use strip_ends::is_skin;
 pub(super) use strip_ends::{StripPart, Swath};
+use strip_ends::{StripStart, is_skin};
 use stroke_ties::Tie;
 
 /// Sides whose two triangles are this flat, as a fraction of the diagonal, are one plane.
@@ -87,6 +87,11 @@ struct Ended {
 const TOP: u8 = 0b1100_1100;
 
 impl Ended {
+    /// Whether the box has left vertices of the skin on its end.
+    fn ends_in_skin(&self, tissue: &Tissue) -> bool {
+        self.tags.iter().any(|t| tissue.mesh.vertex_is_live(t.vertex) && is_skin(tissue, t.vertex))
+    }
+
     /// Nothing, in the same lists.
     fn emptied(mut self) -> Self {
         self.tags.clear();
@@ -342,8 +347,15 @@ impl TearStroke {
             std::mem::swap(&mut last.near, &mut self.near);
         }
         let before = self.ended.iter().position(follows).map(|i| self.ended.remove(i));
-        let start = before.as_ref().map(|e| e.at_rest);
-        self.begin_slit(tissue, start.is_some());
+        let resumes = |e: &&Ended| e.joint.is_some_and(|joint| tear_box.from == ChainStart::Box(joint));
+        let start = match (&before, self.ended.iter().find(resumes)) {
+            (Some(e), _) => StripStart::Edge(e.at_rest, e.ends_in_skin(tissue)),
+            (None, Some(e)) => StripStart::Along(e.at_rest, e.ends_in_skin(tissue)),
+            (None, None) => StripStart::Free,
+        };
+        if matches!(start, StripStart::Free) {
+            self.begin_slit(tissue, tear_box.from == ChainStart::Hairpin);
+        }
         let mut before = before.or_else(|| self.spare_ended.pop().map(Ended::emptied)).unwrap_or_default();
         if before.moved && !before.tags.is_empty() {
             let off = |t: &OnPlanes| planes.planes[0].distance(self.positions.of(tissue, t.vertex)).abs();
@@ -388,8 +400,7 @@ impl TearStroke {
         }
         report.faces_visited = self.step.faces_visited;
         let end = if hit {
-            let in_skin = before.tags.iter().any(|t| tissue.mesh.vertex_is_live(t.vertex) && is_skin(tissue, t.vertex));
-            self.bind(tissue, tear_box, (start, in_skin), &mut report)
+            self.bind(tissue, tear_box, start, &mut report)
         } else {
             self.near.clear();
             self.swath(tissue).rest_edge(tear_box.blades[1])
@@ -511,14 +522,7 @@ impl TearStroke {
     }
 
     /// Rows, strip and particle map of what the box tore. Returns the strip's end edge at rest.
-    /// `start` is where that begins, if another box ended there, and whether that box ended in the skin.
-    fn bind(
-        &mut self,
-        tissue: &mut Tissue,
-        tear_box: &TearBox,
-        start: (Option<[DVec3; 2]>, bool),
-        report: &mut SegmentReport,
-    ) -> [DVec3; 2] {
+    fn bind(&mut self, tissue: &mut Tissue, tear_box: &TearBox, start: StripStart, report: &mut SegmentReport) -> [DVec3; 2] {
         let step = &mut self.step;
         let promoted = tissue.promoted_vertices;
         report.stages.time("bind", || {
