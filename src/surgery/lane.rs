@@ -201,7 +201,8 @@ impl Start {
 }
 
 impl Lane {
-    /// A new chain that starts at `first`, of which `on[0]` is its part, where others have ended if it is `after` them. `on[1]` is what it is of the blade that comes next.
+    /// A new chain that starts at `first`, of which `on[0]` is its part; `on[1]` is what it is of the blade that comes next. `after` tells
+    /// what it goes on from where others have ended at `first`; none at the start of a cut.
     pub(super) fn new(first: &Blade, on: [Part; 2], after: Option<ChainStart>, maker: &mut Maker) -> Self {
         let hub = Hub::again(first, on[0], maker);
         let start = maker.part(first, on[0].inset(hub.inset));
