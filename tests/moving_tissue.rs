@@ -248,6 +248,7 @@ fn a_wound_cut_about_a_point_in_the_blade_opens_evenly() {
     }
     assert_eq!(scene.validate(), Ok(()));
     let (_, tissue) = scene.tissues().next().unwrap();
+    let half_gap = 0.5 * tissue.layer().unwrap().settings.wound.gap;
     let on_border = || open_half_edges(tissue.mesh()).into_iter().map(|h| tissue.mesh().from(h));
     let rest = |v: VertexId| tissue.rest_positions()[v.index()];
     let in_skin = || on_border().map(rest).filter(|p| (p.y - 0.06).abs() < 1e-6);
@@ -262,6 +263,7 @@ fn a_wound_cut_about_a_point_in_the_blade_opens_evenly() {
         let steps = lip.windows(2).map(|w| (w[1][1] - w[0][1]).abs() - 0.4 * (w[1][0] - w[0][0]));
         let (step, widest) = (steps.fold(0.0, f64::max), lip.iter().map(|l| l[1]).fold(0.0, f64::max));
         assert!(lip.len() > 30 && step < 0.5e-3, "{side}: {step}, {lip:.4?}");
-        assert!((1.5e-3..4e-3).contains(&widest) && lip.iter().all(|l| l[1] > -0.1e-3), "{side}: {widest}, {lip:.4?}");
+        let share = widest / half_gap;
+        assert!((0.8..1.1).contains(&share) && lip.iter().all(|l| l[1] > -0.1e-3), "{side}: {widest}, {lip:.4?}");
     }
 }

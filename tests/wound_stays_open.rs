@@ -205,9 +205,10 @@ fn each_wound_of_a_stroke_is_a_lens_of_its_own() {
     scene.edit(EditCommand::StrokeEnd);
     let layer = only(&scene).layer().unwrap();
     let marks = layer.strips.wounds();
-    let slit = |strip: u32| layer.strips.as_slice()[strip as usize].slit;
+    let slit = |strip: u32| layer.strips.as_slice()[strip as usize].wound;
     let opening = |j: ParticleId| opening(&layer.map, j);
     let mut slits: Vec<u32> = marks.iter().map(|m| slit(m.strip)).collect();
+    slits.sort_unstable();
     slits.dedup();
     assert_eq!(slits.len(), 2, "two wounds");
     for of in slits {

@@ -1,10 +1,10 @@
 //! Where a slit runs over an edge of the model its lips go down there along the blade: a leg of the wound (MATHS 3.3). The wound goes on
 //! along it, and ends at its bottom.
 
-use super::lens::slit_marks;
+use super::map_edit::LipVertex;
 use super::map_update::Update;
 use super::strips::WoundMark;
-use super::wound::{Stretch, add_marked, room_for_marks, share_along};
+use super::wound::{add_marked, room_for_marks};
 use crate::geometry::{HalfEdge, VertexId};
 use glam::DVec3;
 
@@ -36,16 +36,20 @@ pub(super) struct Leg {
 
 impl Leg {
     /// The leg of a strip, at its end or its start, if it has one there. The edit lists the lips.
-    pub(super) fn find(update: &mut Update<'_, '_>, (k, lips): Stretch, at_end: bool) -> Option<Self> {
+    pub(super) fn find(update: &mut Update<'_, '_>, k: usize, at_end: bool) -> Option<Self> {
         let Update { mesh, rest, strips, edit, scratch, settings, .. } = update;
         let [tip0, tip1, base1, base0] = strips.as_slice()[k].corners.map(DVec3::from_array);
         let down = if at_end { tip1 - base1 } else { tip0 - base0 }.normalize_or_zero();
-        let outermost = if at_end { lips.1 } else { lips.0 };
-        let near = NEAR * settings.wound.spacing / strips.stretch(k).1.max(f64::MIN_POSITIVE);
+        let (strip, spacing) = (&strips.as_slice()[k], settings.wound.spacing);
+        let end = strip.skin_edge()[usize::from(at_end)];
+        let outwards = strip.along() * if at_end { 1.0 } else { -1.0 };
+        let place = |v: VertexId| (rest[v.index()] - end).dot(outwards);
+        let at_top =
+            |l: &&LipVertex| l.strip == k && mesh.vertex_is_live(l.vertex) && rest[l.vertex.index()].distance(end) < spacing;
+        let outermost = edit.lips.iter().filter(at_top).map(|l| place(l.vertex)).fold(0.0, f64::max);
         let is_skin = |h: &HalfEdge| !mesh.is_interior(h.face());
         let is_near = |v: VertexId| {
-            let p = rest[v.index()];
-            mesh.vertex_is_live(v) && (share_along(strips, k, p) - outermost).abs() <= near && mesh.fan(v).any(|h| is_skin(&h))
+            mesh.vertex_is_live(v) && (place(v) - outermost).abs() <= NEAR * spacing && mesh.fan(v).any(|h| is_skin(&h))
         };
         let height = |v: VertexId| -rest[v.index()].dot(down);
         let list = &mut scratch.lens.leg;
@@ -79,21 +83,22 @@ impl Leg {
 
     /// Where a lip of the leg is along the leg's strip, metres: before its start or beyond its end.
     fn along(&self, update: &Update<'_, '_>, depth: f64) -> f64 {
-        if self.at_end { update.strips.stretch(self.strip).1 + depth } else { -depth }
+        if self.at_end { update.strips.as_slice()[self.strip].length + depth } else { -depth }
     }
 
     /// Puts wound particles on the leg, as far as the slit may have more, the lowest at its bottom if that `is_shut`, and tells those that
     /// are on it where they are.
     pub(super) fn fill(&self, update: &mut Update<'_, '_>, is_shut: bool) {
         let spacing = update.settings.wound.spacing;
-        let start = update.strips.slit_start(self.strip);
-        let marks = slit_marks(update.strips, start).count();
-        let mut room = room_for_marks(update, start);
-        for i in update.strips.wounds.len() - marks..update.strips.wounds.len() {
+        let mut room = room_for_marks(update, update.strips.as_slice()[self.strip].wound);
+        for i in 0..update.strips.wounds.len() {
             let mark = update.strips.wounds[i];
+            if mark.strip as usize != self.strip {
+                continue;
+            }
             let anchor = update.map.anchors[mark.particle.index()];
             let lip = update.scratch.lens.leg.iter().find(|l| l.vertex == anchor && i32::from(l.side) == mark.side);
-            if let Some(depth) = lip.filter(|_| mark.strip as usize == self.strip).map(|l| l.depth) {
+            if let Some(depth) = lip.map(|l| l.depth) {
                 update.strips.wounds.set(i, WoundMark { along: self.along(update, depth), ..mark });
             }
         }

@@ -24,7 +24,7 @@ const CLOSE: f64 = 0.005;
 /// No particle is further out than so many half gaps, nor further in.
 const MOST: [f64; 2] = [-1.0, 2.0];
 
-/// Scratch of [`Lens::displace_slit`], kept between updates.
+/// Scratch of [`Lens::displace_wound`], kept between updates.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lens {
     marks: Vec<Marked>,
@@ -41,6 +41,19 @@ const MARKS: usize = 256;
 const SHARES: usize = 16;
 
 const NONE: u32 = u32::MAX;
+
+/// How wide a wound stands open at a place, over its half gap: a parabola from end to end, half of one from an end that is not shut.
+fn share_of_gap(place: f64, [low, high]: [f64; 2], is_shut: [bool; 2]) -> f64 {
+    let x = if high > low { (place - low) / (high - low) } else { f64::INFINITY };
+    match (x, is_shut) {
+        (x, [shut, _]) if x < 0.0 => f64::from(u8::from(!shut)),
+        (x, [_, shut]) if x.is_nan() || x > 1.0 => f64::from(u8::from(!shut)),
+        (x, [true, true]) => 4.0 * x * (1.0 - x),
+        (x, [true, false]) => x * (2.0 - x),
+        (x, [false, true]) => 1.0 - x * x,
+        (_, [false, false]) => 1.0,
+    }
+}
 
 /// A wound particle of the slit.
 #[derive(Clone, Copy, Debug)]
@@ -72,24 +85,16 @@ struct Share {
     share: f64,
 }
 
-/// How a slit stands open.
+/// How a wound stands open.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Opening {
-    /// The slit's first strip.
-    pub(super) start: usize,
-    /// It begins so many metres before that, on its leg where it runs over an edge.
-    pub(super) before: f64,
-    /// It stands open from there to so many metres along its strips.
-    pub(super) open: f64,
-    /// Whether the lips meet where that ends.
-    pub(super) is_shut: bool,
+    pub(super) wound: u32,
+    /// From where to where on its line, metres; a leg, where it runs over an edge, goes on beyond its strips.
+    pub(super) open: [f64; 2],
+    /// Whether the lips meet at both ends; where it is not known a wound particle there tells.
+    pub(super) is_shut: [Option<bool>; 2],
     /// Whether the blade has left it.
     pub(super) is_done: bool,
-}
-
-/// Marks of the slit that starts at strip `start` and goes on to the newest strip.
-pub(super) fn slit_marks(strips: &Strips, start: usize) -> impl Iterator<Item = &WoundMark> {
-    strips.wounds().iter().rev().take_while(move |m| m.strip as usize >= start)
 }
 
 impl Lens {
@@ -101,19 +106,18 @@ impl Lens {
         self.leg.reserve(2 * MOST_LIPS);
     }
 
-    /// Sets the rest displacements of a slit: a parabola along its open metres, closed behind. It is half the gap at the middle and nothing at
-    /// the ends; an end where lips do not meet is as wide as the middle would be. The start is shut if a wound particle holds it. Tells
-    /// the particles whose displacement changed.
-    pub(super) fn displace_slit(
+    /// Sets the rest displacements of a wound: a parabola along its open metres, closed behind. It is half the gap at the middle and nothing
+    /// at the ends; an end where lips do not meet is as wide as the middle would be. Tells the particles whose displacement changed.
+    pub(super) fn displace_wound(
         &mut self,
-        map: &mut ParticleMap,
+        (map, rest): (&mut ParticleMap, &[DVec3]),
         strips: &Strips,
         wound: &WoundSettings,
         opening: Opening,
         mut changed: impl FnMut(ParticleId),
     ) {
-        let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * (opening.before + opening.open));
-        self.list(map, strips, wound, opening, half_gap);
+        let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * (opening.open[1] - opening.open[0]).max(0.0));
+        self.list((map, rest), strips, wound, opening, half_gap);
         if opening.is_done && half_gap > 0.0 {
             let pace = self.weigh(map, half_gap);
             for _ in 0..ROUNDS {
@@ -134,28 +138,38 @@ impl Lens {
         }
     }
 
-    /// Collects the slit's live wound particles, where their lips belong and where they are set.
-    fn list(&mut self, map: &ParticleMap, strips: &Strips, wound: &WoundSettings, opening: Opening, half_gap: f64) {
-        let Opening { start, before, is_shut, .. } = opening;
-        let open = before + opening.open;
-        let place = |mark: &WoundMark| before + strips.stretch(mark.strip as usize).0 + mark.along;
-        let profile: fn(f64) -> f64 = match (slit_marks(strips, start).any(|m| place(m) < 0.5 * wound.spacing), is_shut) {
-            (true, true) => |x| 4.0 * x * (1.0 - x),
-            (true, false) => |x| x * (2.0 - x),
-            (false, true) => |x| 1.0 - x * x,
-            (false, false) => |_| 1.0,
+    /// Collects the wound's live particles, where their lips belong and where they are set.
+    fn list(
+        &mut self,
+        (map, rest): (&ParticleMap, &[DVec3]),
+        strips: &Strips,
+        wound: &WoundSettings,
+        opening: Opening,
+        half_gap: f64,
+    ) {
+        let [low, high] = opening.open;
+        let is_held = |end: f64| strips.is_held(map, opening.wound, end, 0.5 * wound.spacing);
+        let is_shut = [0, 1].map(|k| opening.is_shut[k].unwrap_or_else(|| is_held(opening.open[k])));
+        let anchor = |mark: &WoundMark| map.anchors.get(mark.particle.index()).copied().filter(|a| a.is_some());
+        let is_elsewhere = |mark: &WoundMark, anchor: VertexId| {
+            !strips.as_slice()[mark.strip as usize].is_near_skin(rest[anchor.index()], wound.spacing)
         };
+        // What the blade cut of another skin may end before the wound does, whose lips meet where it ends: there that one's do.
+        let others = strips.marks_of(opening.wound).filter(|m| anchor(m).is_some_and(|a| is_elsewhere(m, a)));
+        let (first, last) = others
+            .map(|m| strips.place_of(m).0)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), p| (first.min(p), last.max(p)));
+        let (first, last) = (first - 0.5 * wound.spacing, last + 0.5 * wound.spacing);
+        let ends = [is_shut[0] && first > low + wound.spacing, is_shut[1] && last < high - wound.spacing];
+        let other = [if ends[0] { first } else { low }, if ends[1] { last } else { high }];
         fit(&mut self.place_of, map.len(), NONE);
         self.marks.clear();
-        for mark in slit_marks(strips, start) {
-            let (particle, k) = (mark.particle, mark.strip as usize);
-            let Some(&anchor) = map.anchors.get(particle.index()).filter(|a| a.is_some()) else { continue };
-            if strips.as_slice()[k].slit != strips.as_slice()[start].slit {
-                continue;
-            }
-            let x = if open > 0.0 { place(mark) / open } else { f64::INFINITY };
-            let share = if x <= 1.0 { profile(x) } else { f64::from(u8::from(!is_shut)) };
-            let outwards = strips.geometry(k).normal() * f64::from(mark.side);
+        for mark in strips.marks_of(opening.wound) {
+            let particle = mark.particle;
+            let Some(anchor) = anchor(mark) else { continue };
+            let open = if is_elsewhere(mark, anchor) { other } else { [low, high] };
+            let share = share_of_gap(strips.place_of(mark).0, open, is_shut);
+            let outwards = strips.geometry(mark.strip as usize).normal() * f64::from(mark.side);
             let lip = half_gap * share;
             self.place_of[particle.index()] = self.marks.len() as u32;
             self.marks.push(Marked { particle, anchor, outwards, lip, set: lip, off: 0.0, step: 0.0 });

@@ -38,6 +38,8 @@ pub struct MapEdit<'a> {
     /// The strip that the first of them goes on from, if vertices where they meet know their side of it only now: links are tested against
     /// that one, too.
     pub goes_on_from: Option<usize>,
+    /// From where to where, metres on its line, the wound of the new strips stood open before the blade came to it.
+    pub opened: [f64; 2],
     /// Vertices on the lips of the new strips, those of both triangulation passes.
     pub lips: &'a [LipVertex],
 }

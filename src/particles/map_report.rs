@@ -2,7 +2,7 @@
 
 use crate::geometry::{ParticleId, VertexId};
 
-/// What [`super::update_after_edit`] or [`super::release_slit`] did.
+/// What [`super::update_after_edit`] or [`super::release_wound`] did.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MapUpdateReport {
     /// Vertices whose influences changed, each once. New vertices are among them.

@@ -35,6 +35,7 @@ pub mod validate;
 mod ways_round;
 mod work_rows;
 mod wound;
+pub mod wound_lines;
 
 pub use build::{BuildReport, sigmoid_weight};
 pub use extract::{Forgotten, MapPart, RowBefore};
@@ -51,7 +52,7 @@ pub use strip_test::{StripGeometry, share_between};
 pub(crate) use strips::StripsDerived;
 pub use strips::{LipSide, Strip, StripError, Strips, StripsDelta, WoundMark};
 pub use ways_round::WaysRound;
-pub use wound::release_slit;
+pub use wound::release_wound;
 
 #[cfg(test)]
 mod update_tests;

@@ -18,8 +18,18 @@ pub struct Strip {
     pub reach: f64,
     /// The slit it belongs to. Strips of a slit follow one another; each shares an edge with one before it, but where a chain begins.
     pub slit: u32,
-    /// 1 if it runs beside the line of its slit, below the skin, and has no length there; else 0.
-    pub beside: u32,
+    /// The wound on whose line it lies; [`super::wound_lines::NO_WOUND`] if it runs beside, below the skin.
+    pub wound: u32,
+    /// Where its earlier end lies on that line, metres.
+    pub place: f64,
+    /// Where it cut the skin, at its earlier and its later end, metres.
+    pub skin: [[f64; 3]; 2],
+    /// How long it counts as on its wound's line, metres.
+    pub length: f64,
+    /// +1 if it runs the line's way, -1 if the blade came back over it, 0 if it runs beside.
+    pub way: i32,
+    /// Zero; keeps the layout explicit.
+    pub padding: u32,
 }
 
 /// Where strips of a chain turn by more in all, a lip is no longer one piece: the way along it is a fifth longer than the straight one by
@@ -33,9 +43,44 @@ impl Strip {
         (tip1 - base0).cross(base1 - tip0)
     }
 
-    /// True if it runs beside the line of its slit: it parts what it parts, and holds no wound particles.
+    /// True if it runs beside the lines of all wounds: it parts what it parts, and holds no wound particles.
     pub fn is_beside(&self) -> bool {
-        self.beside != 0
+        self.way == 0
+    }
+
+    /// Where it cut the skin, at its earlier and its later end.
+    pub fn skin_edge(&self) -> [DVec3; 2] {
+        self.skin.map(DVec3::from_array)
+    }
+
+    /// Unit vector along it in the skin; where it cut next to none, along its corners.
+    pub(super) fn along(&self) -> DVec3 {
+        let [from, to] = self.skin_edge();
+        let [tip0, tip1, base1, base0] = self.corners.map(DVec3::from_array);
+        (to - from).try_normalize().unwrap_or_else(|| (tip1 + base1 - tip0 - base0).normalize_or_zero())
+    }
+
+    /// What of the skin it cut so many metres along it.
+    pub(super) fn skin_at(&self, along: f64) -> DVec3 {
+        let [from, to] = self.skin_edge();
+        from + self.along() * (along * from.distance(to) / self.length.max(f64::MIN_POSITIVE))
+    }
+
+    /// True if a point (rest space) is nearer to where it cut the skin than so many metres.
+    pub(super) fn is_near_skin(&self, p: DVec3, near: f64) -> bool {
+        let [from, to] = self.skin_edge();
+        let along = (p - from).dot(self.along()).clamp(0.0, from.distance(to));
+        (p - from).distance_squared(self.along() * along) < near * near
+    }
+
+    /// What lies so many metres along it, on its wound's line.
+    pub(super) fn place_at(&self, along: f64) -> f64 {
+        self.place + f64::from(self.way) * along
+    }
+
+    /// Where its later end lies on its wound's line, metres.
+    pub fn end_place(&self) -> f64 {
+        self.place_at(self.length)
     }
 }
 
@@ -47,10 +92,6 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) struct Along {
     /// First strip of the slit.
     pub(super) start: usize,
-    /// Length of the slit before this strip, metres.
-    pub(super) before: f64,
-    /// Its own length: the mean of its tip edge and its base edge, metres; 0 for one beside the slit's line.
-    pub(super) length: f64,
     /// The strip that ends in the edge that this one starts from, and the one that starts where it ends; or [`NONE`].
     pub(super) last: u32,
     pub(super) next: u32,
@@ -63,11 +104,8 @@ impl Along {
     /// Of strip `k`, of which those before are known; that which it goes on from is told.
     pub(super) fn new(strips: &[Strip], along: &mut [Self], k: usize) -> Self {
         let strip = &strips[k];
-        let [tip0, tip1, base1, base0] = strip.corners.map(DVec3::from_array);
-        let length = if strip.is_beside() { 0.0 } else { 0.5 * (tip0.distance(tip1) + base0.distance(base1)) };
         let of_slit = |m: &usize| strips[*m].slit == strip.slit;
-        let newest = k.checked_sub(1).filter(of_slit);
-        let (start, before) = newest.map_or((k, 0.0), |m| (along[m].start, along[m].before + along[m].length));
+        let start = k.checked_sub(1).filter(of_slit).map_or(k, |m| along[m].start);
         let ends_here = |m: &usize| strips[*m].corners[1] == strip.corners[0] && strips[*m].corners[2] == strip.corners[3];
         let last = (start.max(k.saturating_sub(TURNS))..k).rev().find(ends_here);
         if let Some(m) = last.filter(|&m| along[m].next == NONE) {
@@ -77,7 +115,7 @@ impl Along {
             let turn = strips[m].normal().angle_between(strip.normal());
             (along[m].chain, along[m].turn + if turn.is_finite() { turn } else { 0.0 })
         });
-        Self { start, before, length, last: last.map_or(NONE, |m| m as u32), next: NONE, chain, turn }
+        Self { start, last: last.map_or(NONE, |m| m as u32), next: NONE, chain, turn }
     }
 
     /// True if so little turns between two strips of one chain that their lips on one side are of one piece.

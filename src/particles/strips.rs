@@ -10,6 +10,7 @@ use super::settings::ParticleSettings;
 pub use super::slit_line::Strip;
 use super::slit_line::{Along, NONE};
 use super::strip_test::{KnownSide, LinkEnd, LipView, StripGeometry};
+use super::wound_lines::WoundRange;
 use crate::geometry::room::{fit, headroom, rows_headroom, with_headroom};
 use crate::geometry::{Delta, Mesh, ParticleId, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
@@ -68,7 +69,7 @@ pub struct Strips {
     known_lips: VertexSet,
     pub(super) wounds: Tracked<WoundMark>,
     /// Not hashed.
-    derived: Arc<StripsDerived>,
+    pub(super) derived: Arc<StripsDerived>,
     /// Largest [`StripGeometry::margin`] of all strips that ever were, metres.
     largest_margin: f64,
     /// Scratch.
@@ -82,6 +83,7 @@ pub struct Strips {
 pub(crate) struct StripsDerived {
     geometry: Vec<StripGeometry>,
     along: Vec<Along>,
+    pub(super) ranges: Vec<WoundRange>,
     bvh: Bvh,
 }
 
@@ -157,22 +159,6 @@ impl Strips {
     /// Number of the next slit, for [`Strips::push`].
     pub fn next_slit(&self) -> u32 {
         self.strips.last().map_or(0, |s| s.slit + 1)
-    }
-
-    /// Adds the strip `(tip0, tip1, base1, base0)` in rest space and returns its index. `reach` is the radius of
-    /// influence `d`; `slit` is the last strip's where this one goes on from it, else [`Strips::next_slit`].
-    pub fn push(&mut self, corners: [DVec3; 4], reach: f64, slit: u32) -> Result<usize, StripError> {
-        self.push_strip(corners, reach, slit, false)
-    }
-
-    /// [`Strips::push`] of a strip that may run beside the line of its slit: see [`Strip::beside`].
-    pub fn push_strip(&mut self, corners: [DVec3; 4], reach: f64, slit: u32, beside: bool) -> Result<usize, StripError> {
-        if !corners.iter().all(|c| c.is_finite()) || !reach.is_finite() || reach < 0.0 {
-            return Err(StripError::NotFinite);
-        }
-        let index = self.strips.push(Strip { corners: corners.map(|c| c.to_array()), reach, slit, beside: u32::from(beside) });
-        self.derive();
-        Ok(index)
     }
 
     /// The sides that a vertex is known to be on; empty for all but lip vertices.
@@ -375,6 +361,11 @@ impl Strips {
         Some(self.derived.along[k].last).filter(|&m| m != NONE).map(|m| m as usize)
     }
 
+    /// True if strip `k` goes on from another: they share an edge.
+    pub fn goes_on(&self, k: usize) -> bool {
+        self.last_of(k).is_some()
+    }
+
     /// Strip `k` and those that share an edge with it, in the order of the blade.
     pub(super) fn around(&self, k: usize) -> impl Iterator<Item = usize> + use<> {
         let Along { last, next, .. } = self.derived.along[k];
@@ -396,11 +387,6 @@ impl Strips {
     /// First strip of the slit that strip `k` belongs to.
     pub fn slit_start(&self, k: usize) -> usize {
         self.derived.along[k].start
-    }
-
-    /// Where strip `k` begins along its slit and how long it is there, metres.
-    pub(super) fn stretch(&self, k: usize) -> (f64, f64) {
-        (self.derived.along[k].before, self.derived.along[k].length)
     }
 
     /// At least the largest [`StripGeometry::margin`] of all strips, metres.
@@ -434,6 +420,7 @@ impl Strips {
         let derived = Arc::make_mut(&mut self.derived);
         derived.geometry.reserve(STROKES_ROOM);
         derived.along.reserve(STROKES_ROOM);
+        derived.ranges.reserve(STROKES_ROOM);
         self.places.make_room(vertices, particles);
         if derived.bvh.is_empty() {
             // a tree keeps the room of its leaves
@@ -538,8 +525,8 @@ impl Strips {
     }
 
     /// Brings derived data in line: strips are only ever appended, or taken away from the end by an undo.
-    fn derive(&mut self) {
-        let (strips, StripsDerived { geometry, along, bvh }) = (&self.strips, Arc::make_mut(&mut self.derived));
+    pub(super) fn derive(&mut self) {
+        let (strips, StripsDerived { geometry, along, ranges, bvh }) = (&self.strips, Arc::make_mut(&mut self.derived));
         for k in strips.len()..geometry.len() {
             bvh.remove(k as u32);
         }
@@ -548,6 +535,8 @@ impl Strips {
             along.truncate(strips.len());
             let len = strips.len() as u32;
             along.iter_mut().filter(|a| a.next >= len).for_each(|a| a.next = NONE);
+            ranges.clear();
+            strips.iter().enumerate().for_each(|(k, strip)| WoundRange::take(ranges, k, strip));
         }
         for k in geometry.len()..strips.len() {
             let strip = &strips[k];
@@ -557,6 +546,7 @@ impl Strips {
             geometry.push(new);
             let new = Along::new(strips, along, k);
             along.push(new);
+            WoundRange::take(ranges, k, strip);
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::*;
 use crate::particles::strip_test::StripGeometry;
 use crate::particles::test_models::noise;
+use crate::particles::wound_lines::OnLine;
 
 fn quad(x0: f64, x1: f64) -> [DVec3; 4] {
     [DVec3::new(x0, 0.0, -1.0), DVec3::new(x1, 0.0, -1.0), DVec3::new(x1, 0.0, 0.0), DVec3::new(x0, 0.0, 0.0)]
@@ -22,15 +23,16 @@ fn strips_of_chains_that_take_turns_are_no_neighbours() {
     for i in 0..3 {
         let (x0, x1) = (0.1 * f64::from(i), 0.1 * f64::from(i + 1));
         strips.push(quad(x0, x1), 0.2, 0).unwrap();
-        strips.push_strip(below(x0, x1), 0.2, 0, true).unwrap();
+        strips.push_strip(below(x0, x1), 0.2, 0, OnLine::BESIDE).unwrap();
     }
     let v = VertexId(0);
     strips.set_lip(v, 2, 1);
     let known = |strips: &Strips| (0..6).map(|k| strips.known_side(k, v).map_or(0, |s| s.side)).collect::<Vec<_>>();
     assert_eq!(known(&strips), [1, 0, 1, 0, 1, 0]);
     // what runs beside is no part of the way along
-    let stretches: Vec<_> = (0..6).map(|k| strips.stretch(k)).map(|(before, length)| before + length).collect();
-    assert!(stretches.iter().zip([0.1, 0.1, 0.2, 0.2, 0.3, 0.3]).all(|(a, b)| (a - b).abs() < 1e-12), "{stretches:?}");
+    let ends: Vec<_> = strips.as_slice().iter().filter(|s| !s.is_beside()).map(Strip::end_place).collect();
+    assert!(ends.iter().zip([0.1, 0.2, 0.3]).all(|(a, b)| (a - b).abs() < 1e-12), "{ends:?}");
+    assert_eq!((strips.of_wound(0).collect::<Vec<_>>(), strips.next_wound()), (vec![0, 2, 4], 1));
     // the newest are taken back
     let delta = strips.take_delta();
     strips.push(quad(0.1 * 3.0, 0.4), 0.2, 0).unwrap();

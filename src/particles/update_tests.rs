@@ -1,6 +1,7 @@
 //! Laws of the map update, on small wounds made by hand.
 
 use super::test_models::{self, Model, noise};
+use super::wound_lines::NO_WOUND;
 use super::*;
 use crate::geometry::topology::{NewFace, TopologyScratch};
 use crate::geometry::{FaceId, Mesh, ParticleId, StateHash, VertexId};
@@ -46,6 +47,7 @@ impl Patient {
             removed_vertices: &wound.removed,
             new_strips: wound.strips.clone(),
             goes_on_from: None,
+            opened: [0.0; 2],
             lips: &wound.lips,
         };
         let Self { mesh, rest, map, strips, settings, scratch } = self;
@@ -150,10 +152,11 @@ impl Patient {
         Some(NewVertex { vertex: m, parents: [a, b, VertexId::NONE], is_apart: false })
     }
 
-    /// The blade leaves the newest slit.
+    /// The blade leaves the newest wound.
     fn release(&mut self) {
         let Self { mesh, rest, map, strips, settings, scratch } = self;
-        release_slit((mesh, rest), map, strips, settings, scratch);
+        let newest = strips.as_slice().iter().rev().map(|s| s.wound).find(|w| *w != NO_WOUND);
+        release_wound((mesh, rest), map, strips, newest.expect("a wound"), settings, scratch);
     }
 
     /// How far its particles move a vertex when they rest.

@@ -10,7 +10,7 @@
 use super::blade_path::{BladePose, Sampling};
 use super::boxes::{ChainStart, JointId, TearSegment};
 pub use super::lane::PendingQuad;
-use super::lane::{Blade, Lane, Maker, Part, direction};
+use super::lane::{Blade, Lane, Maker, Part, ways};
 use super::path_sampler::{ClippedSample, SampleKind};
 use super::pivot::parts;
 use glam::DVec3;
@@ -42,8 +42,8 @@ struct End {
     joint: JointId,
     /// What it was of the blade there.
     part: Part,
-    /// The way it came, unit length.
-    way: DVec3,
+    /// The ways that its lower and its upper end came, across the blade.
+    ways: [DVec3; 2],
 }
 
 /// Lanes of a stroke that there is room for at first.
@@ -256,8 +256,8 @@ impl ChainBuilder {
         ends.clear();
         for lane in lanes.extract_if(.., |lane| !wanted.iter().any(|on| goes_on(lane, on))) {
             let part = lane.part;
-            let way = lane.way_to(&maker.part(&last, part));
-            ends.extend(lane.close(&last, maker, out).map(|joint| End { joint, part, way }));
+            let ways = lane.ways_to(&maker.part(&last, part));
+            ends.extend(lane.close(&last, maker, out).map(|joint| End { joint, part, ways }));
         }
         std::mem::swap(lanes, before);
         for &on in wanted {
@@ -268,20 +268,8 @@ impl ChainBuilder {
                     lanes.push(lane);
                 }
                 None => {
-                    let way = direction(&maker.part(&last, on[0]), &maker.part(&next, on[1]), &last);
-                    let shared = |e: &&End| e.part.shared(on[0], last.length());
-                    let same_way = |e: &&End| e.way.dot(way) > 0.0;
-                    let is_upper = |part: Part| part.high == f64::INFINITY;
-                    // it is the upper lane that cuts the wound in the skin that the blade enters by
-                    let from = match ends.iter().find(|e| is_upper(on[0]) && is_upper(e.part)) {
-                        Some(end) if same_way(&end) => ChainStart::Box(end.joint),
-                        Some(_) => ChainStart::Hairpin,
-                        None => {
-                            let meets = ends.iter().filter(|e| shared(e) > 0.0).filter(same_way);
-                            let end = meets.max_by(|a, b| shared(a).total_cmp(&shared(b)));
-                            end.map_or(ChainStart::Free, |end| ChainStart::Box(end.joint))
-                        }
-                    };
+                    let ways = ways(&maker.part(&last, on[0]), &maker.part(&next, on[1]), &last);
+                    let from = goes_on_from(ends, on[0], ways, last.length());
                     let after = (!is_new).then_some(from);
                     lanes.push(Lane::new(&last, on, after, maker));
                 }
@@ -289,4 +277,22 @@ impl ChainBuilder {
         }
         before.clear();
     }
+}
+
+/// What a chain goes on from that begins with this part of a blade so many metres long, where others have come to an end. Ways are compared
+/// where both have a piece of the blade: at the top if they have that, as it is what is there that cuts the wound in the skin that the blade
+/// enters by.
+fn goes_on_from(ends: &[End], on: Part, ways: [DVec3; 2], length: f64) -> ChainStart {
+    let is_upper = |part: Part| part.high == f64::INFINITY;
+    let shared = |e: &End| e.part.shared(on, length);
+    let end = match ends.iter().find(|e| is_upper(on) && is_upper(e.part)) {
+        Some(end) if end.ways[1].dot(ways[1]) < 0.0 => return ChainStart::Hairpin,
+        Some(end) => Some(end),
+        None => {
+            let same_way = |e: &&End| (e.ways[0] + e.ways[1]).dot(ways[0] + ways[1]) > 0.0;
+            let meets = ends.iter().filter(|e| shared(e) > 0.0).filter(same_way);
+            meets.max_by(|a, b| shared(a).total_cmp(&shared(b)))
+        }
+    };
+    end.map_or(ChainStart::Free, |end| ChainStart::Box(end.joint))
 }

@@ -332,9 +332,9 @@ impl Lane {
         [self.start.blade().up().distance(end.up()), times * turned]
     }
 
-    /// The way of the last box that comes to `last`, across the blade there.
-    pub(super) fn way_to(&self, last: &Blade) -> DVec3 {
-        direction(&self.start.blade(), last, last)
+    /// The ways of the last box that comes to `last`, see [`ways`].
+    pub(super) fn ways_to(&self, last: &Blade) -> [DVec3; 2] {
+        ways(&self.start.blade(), last, last)
     }
 
     /// Ends the chain at the newest sample, perpendicular to the travel.
@@ -566,6 +566,12 @@ impl Maker {
 pub(super) fn direction(a: &Blade, b: &Blade, at: &Blade) -> DVec3 {
     let up = at.up();
     reject((b.tip - a.tip) + (b.top - a.top), up).normalize_or_zero()
+}
+
+/// How far the tip and the top go from `a` to `b`, across the line of `at`.
+pub(super) fn ways(a: &Blade, b: &Blade, at: &Blade) -> [DVec3; 2] {
+    let up = at.up();
+    [reject(b.tip - a.tip, up), reject(b.top - a.top, up)]
 }
 
 fn slit_of(b: &TearBox) -> Slit {

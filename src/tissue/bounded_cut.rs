@@ -46,11 +46,13 @@ impl Tissue {
         stages.time("bind", || self.add_vertices(&step.new_vertices));
         let (cut, part) = (Cut { slit, ..slit_cut(self, &step) }, StripPart::whole(edges, at_rest));
         let lists = (&mut Vec::new(), &mut Vec::new());
-        let (report, _) = cut.bind(self, (&part, true, false), |tissue, v| tissue.position(v), lists, stages);
+        let (report, _, line) = cut.bind(self, (&part, true, false), |tissue, v| tissue.position(v), lists, stages);
         self.versions.structure += 1;
         self.scratch.update.reuse(report);
-        let report = self.release_slit();
-        self.scratch.update.reuse(report);
+        if let Some(line) = line {
+            let report = self.release_wound(line.wound);
+            self.scratch.update.reuse(report);
+        }
         let capped =
             if closed { stages.time("caps", || self.cap_bounded(&leaf.plane, &step, &scratch)) } else { CapOutcome::default() };
         Some((step, capped))

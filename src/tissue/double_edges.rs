@@ -2,6 +2,7 @@
 //! their partners, but four faces at one edge to whoever reads corners alone. One of the two gets a vertex in its middle.
 
 use super::Tissue;
+use super::edit::NewStrips;
 use crate::geometry::topology::TopologyScratch;
 use crate::geometry::{HalfEdge, VertexId};
 use crate::surgery::insert::{NewVertex, WedgeMaker};
@@ -83,7 +84,7 @@ impl Tissue {
         self.mesh.replace_faces(&[h.face(), back.face()], faces.as_flattened(), |_| 0, topology);
         let new = [NewVertex::on_edge(middle, [(u, p), (v, q)], 0.5)];
         self.add_vertices(&new);
-        let report = self.update_map(&new, &[], (0..0, None), &[]);
+        let report = self.update_map(&new, &[], NewStrips::default(), &[]);
         self.scratch.update.reuse(report);
         self.versions.structure += 1;
         true

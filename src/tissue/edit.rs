@@ -6,7 +6,7 @@ use super::{Posed, SoftLayer, Tissue, motions, springs};
 use crate::diagnostics::Stages;
 use crate::geometry::{HalfEdge, Plane, VertexId};
 use crate::particles::{
-    Influence, LipVertex, MapEdit, MapUpdateReport, ParticleMap, PlaneCutVertices, release_slit, update_after_edit,
+    Influence, LipVertex, MapEdit, MapUpdateReport, ParticleMap, PlaneCutVertices, release_wound, update_after_edit,
     update_after_plane_cut,
 };
 use crate::rig::{displaced, final_position};
@@ -37,6 +37,15 @@ pub(super) struct Opened<'a> {
     pub taken: &'a [[VertexId; 2]],
     /// Vertices that the cut made, in order of their ids, without a gap.
     pub new_vertices: &'a [NewVertex],
+}
+
+/// Strips that an edit has pushed.
+#[derive(Default)]
+pub(super) struct NewStrips {
+    pub(super) strips: Range<usize>,
+    /// The one that the first of them goes on from, and what of their wound stood open: see [`MapEdit`].
+    pub(super) goes_on_from: Option<usize>,
+    pub(super) opened: [f64; 2],
 }
 
 impl Tissue {
@@ -132,7 +141,7 @@ impl Tissue {
             all_held = update_after_plane_cut(rest, map, strips, made, on_positive_side, settings, &mut scratch.plane_update);
         }
         if !all_held {
-            let report = self.update_map(new, &[], (0..0, None), &[]);
+            let report = self.update_map(new, &[], NewStrips::default(), &[]);
             self.scratch.update.reuse(report);
         } else if still {
             // what was promoted has a rest position of its own, rounded; all others stand on the plane by their rows
@@ -178,13 +187,13 @@ impl Tissue {
     }
 
     /// Brings the particle map up to date after an edit and holds every vertex it concerns where it was: inserted ones on
-    /// the cut edge, others at their own place. `removed` lists vertices that no face uses any more. `strips` are new ones, already pushed, and the
-    /// one that they go on from; `lips` are their lip sides.
+    /// the cut edge, others at their own place. `removed` lists vertices that no face uses any more. `lips` are the lip
+    /// sides of the new strips.
     pub(super) fn update_map(
         &mut self,
         new: &[NewVertex],
         removed: &[VertexId],
-        (strips, goes_on_from): (Range<usize>, Option<usize>),
+        strips: NewStrips,
         lips: &[LipVertex],
     ) -> MapUpdateReport {
         let Some(layer) = &mut self.layer else {
@@ -198,7 +207,8 @@ impl Tissue {
         let vertices = &mut self.scratch.new_vertices;
         vertices.clear();
         vertices.extend(new.iter().map(made));
-        let edit = MapEdit { new_vertices: vertices, removed_vertices: removed, new_strips: strips, goes_on_from, lips };
+        let NewStrips { strips, goes_on_from, opened } = strips;
+        let edit = MapEdit { new_vertices: vertices, removed_vertices: removed, new_strips: strips, goes_on_from, opened, lips };
         let old_len = layer.map.influences.rows();
         let scratch = &mut self.scratch.update;
         let report =
@@ -207,12 +217,13 @@ impl Tissue {
         report
     }
 
-    /// The blade has left the newest slit: it opens over all its length.
-    pub(super) fn release_slit(&mut self) -> MapUpdateReport {
+    /// The blade has left a wound: it opens over all its length.
+    pub(super) fn release_wound(&mut self, wound: u32) -> MapUpdateReport {
         let Some(layer) = &mut self.layer else { return MapUpdateReport::default() };
         let old_len = layer.map.influences.rows();
         let scratch = &mut self.scratch.update;
-        let report = release_slit((&self.mesh, &self.rest), &mut layer.map, &mut layer.strips, &layer.settings, scratch);
+        let SoftLayer { map, strips, settings, .. } = layer;
+        let report = release_wound((&self.mesh, &self.rest), map, strips, wound, settings, scratch);
         self.follow_update(&report, old_len, &[]);
         report
     }

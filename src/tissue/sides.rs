@@ -33,6 +33,8 @@ impl Tissue {
     ) {
         // a strip's normal, travel x up, points to the minus side of boxes and leaves
         lips.extend(points.map(|l| LipVertex { vertex: l.vertex, strip, side: -l.side }));
+        let turned = if self.is_turned(strip, lips) { -1 } else { 1 };
+        lips.iter_mut().for_each(|l| l.side *= turned);
         // where all vertices are seen where they are at rest, nothing differs
         let Some(layer) = self.layer.as_ref().filter(|_| !has_width || self.posed().rest.is_none()) else { return };
         let cut = StripGeometry::new([tip, next_tip, next_base, base], layer.strips.as_slice()[strip].reach);
@@ -53,7 +55,7 @@ impl Tissue {
             let goes_with = |v: VertexId| {
                 let (p, seen) = (self.rest[v.index()], seen(v));
                 let is_hidden = at_rest.side_near(p) == -from.side || goes_along(p, seen, from.side);
-                is_hidden && cut.side_over(seen) == from.side
+                is_hidden && cut.side_over(seen) == from.side * turned
             };
             for v in self.mesh.neighbours(from.vertex).filter(|v| closed.contains(v) || !is_told(*v) && goes_with(*v)) {
                 if lips.iter().all(|l| l.vertex != v) {
@@ -61,5 +63,14 @@ impl Tissue {
                 }
             }
         }
+    }
+
+    /// True if all lips of a strip stand on its other side at rest: a blade that went along itself goes the other way there. One that goes on
+    /// from another has that one's sides.
+    fn is_turned(&self, strip: usize, lips: &[LipVertex]) -> bool {
+        let Some(layer) = self.layer.as_ref().filter(|layer| !layer.strips.goes_on(strip)) else { return false };
+        let at_rest = layer.strips.geometry(strip);
+        let side = |l: &LipVertex| at_rest.side_near(self.rest[l.vertex.index()]) * l.side;
+        !lips.is_empty() && lips.iter().all(|l| self.mesh.vertex_is_live(l.vertex) && side(l) < 0)
     }
 }

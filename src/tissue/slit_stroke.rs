@@ -6,6 +6,7 @@
 //! line; an end that the next strip misses is joined to the nearest start of it by a leaf between the two, out of the skin.
 
 use super::strip_ends::{StripStart, way_between};
+use super::wound_line::WoundLine;
 use super::{Cut, ENDS_KEPT, SegmentReport, Swath, TearStroke};
 use crate::geometry::{FaceId, VertexId};
 use crate::surgery::leaf::{Leaf, line};
@@ -46,6 +47,8 @@ struct Ended {
     at_rest: [DVec3; 2],
     /// Its number among the tissue's strips, if it met anything.
     strip: Option<usize>,
+    /// The line of the wound on which it did.
+    line: Option<WoundLine>,
     /// Ends of the slit on that line.
     vertices: Vec<VertexId>,
 }
@@ -142,7 +145,13 @@ impl SlitState {
     }
 
     /// `strays` says of a vertex and of the strip's last blade whether they are apart.
-    fn end(&mut self, slit: &Slit, at_rest: [DVec3; 2], strip: Option<usize>, strays: impl Fn(VertexId, [DVec3; 2]) -> bool) {
+    fn end(
+        &mut self,
+        slit: &Slit,
+        (at_rest, line): ([DVec3; 2], Option<WoundLine>),
+        strip: Option<usize>,
+        strays: impl Fn(VertexId, [DVec3; 2]) -> bool,
+    ) {
         if self.ended.len() == ENDS_KEPT {
             self.spare_ends.push(self.ended.remove(0).vertices);
         }
@@ -153,7 +162,7 @@ impl SlitState {
         // Where tissue has moved, starts by tag are not where the blade is, and what is cut beside them may seem to end there as well:
         // as starts of the next strip those would part it anew, and again.
         vertices.extend(tags.map(|t| t.vertex).filter(|&v| !strays(v, blade)));
-        self.ended.push(Ended { joint, blade, at_rest, strip, vertices });
+        self.ended.push(Ended { joint, blade, at_rest, strip, line, vertices });
         self.committed.push(slit.clone());
     }
 }
@@ -163,16 +172,13 @@ fn distance_to_line(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
 }
 
 impl TearStroke {
-    /// A chain of boxes or strips that goes on from no other is a slit of its own, a wound with two ends, unless it runs beside one that it
-    /// does not turn back on (`turns_back`): then the slit before is left by the blade.
-    pub(super) fn begin_slit(&mut self, tissue: &mut Tissue, turns_back: bool) {
+    /// A chain of boxes or strips that goes on from no other is a slit of its own, unless it runs beside one that it does not turn back
+    /// on (`turns_back`).
+    pub(super) fn begin_slit(&mut self, tissue: &Tissue, turns_back: bool) {
         self.nicked.clear();
         let next = tissue.layer.as_ref().map_or(0, |l| l.strips.next_slit());
-        if next > self.slit && (turns_back || self.stroke.builder().is_alone()) {
-            let report = tissue.release_slit();
-            self.positions.edited(tissue, report.vertices_changed.iter().copied());
-            tissue.scratch.update.reuse(report);
-            self.slit = next;
+        if turns_back || self.stroke.builder().is_alone() {
+            self.slit = self.slit.max(next);
         }
     }
 
@@ -181,6 +187,7 @@ impl TearStroke {
         let mut starts = std::mem::take(&mut self.slits.starts);
         let before = self.slits.starts(slit, tissue.diagonal(), &mut starts);
         let has_stirred = before.is_some_and(|e| e.has_stirred(slit, tissue.diagonal()));
+        let mut line = before.and_then(|e| e.line);
         let (joint, before) = (before.map(|e| e.at_rest), before.and_then(|e| e.strip));
         if joint.is_none() {
             self.begin_slit(tissue, false);
@@ -229,8 +236,13 @@ impl TearStroke {
                 self.slit,
             );
             let newest = || tissue.layer.as_ref().and_then(|l| l.strips.len().checked_sub(1));
-            let mut cut = Cut { goes_on_from: if has_joint { before.or_else(newest) } else { None }, ..slit_cut(tissue, &step) };
-            strip = self.bind_strips(tissue, &mut cut, (&parts, blades), &mut report);
+            let mut cut = Cut {
+                goes_on_from: if has_joint { before.or_else(newest) } else { None },
+                goes_on_along: line,
+                shares_edge: joint.is_some() && has_joint,
+                ..slit_cut(tissue, &step)
+            };
+            (strip, line) = self.bind_strips(tissue, &mut cut, (&parts, blades), &mut report);
             tissue.versions.structure += 1;
             self.close_notes(tissue, &mut report);
         } else {
@@ -238,7 +250,7 @@ impl TearStroke {
         }
         (self.slits.starts, self.slits.step) = (starts, step);
         let far = OFF_LINE * tissue.diagonal();
-        self.slits.end(slit, end, strip, |v, blade| distance_to_line(tissue.position(v), blade) > far);
+        self.slits.end(slit, (end, line), strip, |v, blade| distance_to_line(tissue.position(v), blade) > far);
         self.reports.push(report);
     }
 

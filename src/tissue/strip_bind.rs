@@ -1,13 +1,16 @@
 //! Binds strips to the tissue: what a cut did to the mesh, told to the particle map part by part.
 
 use super::strip_ends::{StripPart, find_made};
+use super::wound_line::WoundLine;
 use super::{SegmentReport, TearStroke};
 use crate::diagnostics::Stages;
 use crate::geometry::VertexId;
+use crate::particles::wound_lines::OnLine;
 use crate::particles::{LipVertex, MapUpdateReport};
 use crate::surgery::insert::NewVertex;
 use crate::surgery::tear::LipPoint;
 use crate::tissue::Tissue;
+use crate::tissue::edit::NewStrips;
 use glam::DVec3;
 
 /// What a cut did to the mesh.
@@ -21,7 +24,7 @@ pub(in crate::tissue) struct Cut<'a> {
     /// Vertices along what it has left closed.
     pub(in crate::tissue) closed: &'a [VertexId],
     pub(in crate::tissue) has_width: bool,
-    /// It was below the skin alone: its strips run beside the line of their slit.
+    /// It was below the skin alone: its strips run beside the lines of all wounds.
     pub(in crate::tissue) is_beside: bool,
     /// How far its strips are extended, metres: the radius of influence, or nothing.
     pub(in crate::tissue) reach: f64,
@@ -29,11 +32,15 @@ pub(in crate::tissue) struct Cut<'a> {
     pub(in crate::tissue) slit: u32,
     /// The strip that it goes on from, where vertices at the joint have sides only now.
     pub(in crate::tissue) goes_on_from: Option<usize>,
+    /// The line that it goes on along, and whether it does so in the skin, from an edge that it shares with what came before.
+    pub(in crate::tissue) goes_on_along: Option<WoundLine>,
+    pub(in crate::tissue) shares_edge: bool,
 }
 
 impl Cut<'_> {
-    /// The new strip of a part of what the cut swept, and what that does to the particle map; gives the strip's number, too. What the cut
-    /// has made and removed comes with its `is_first` part. A nick leaves no strip: its lips wait in `nicked` for that which goes on from it.
+    /// The new strip of a part of what the cut swept, and what that does to the particle map; gives the strip's number and the line of its
+    /// wound, too. What the cut has made and removed comes with its `is_first` part. A nick leaves no strip: its lips wait in `nicked`
+    /// for that which goes on from it.
     /// `seen` tells where vertices are seen that the cut has not made; `lips` is scratch.
     pub(in crate::tissue) fn bind(
         &self,
@@ -42,12 +49,21 @@ impl Cut<'_> {
         seen: impl Fn(&Tissue, VertexId) -> DVec3,
         (lips, nicked): (&mut Vec<LipVertex>, &mut Vec<LipPoint>),
         stages: &mut Stages,
-    ) -> (MapUpdateReport, Option<usize>) {
+    ) -> (MapUpdateReport, Option<usize>, Option<WoundLine>) {
+        let mut line = if is_nick { self.goes_on_along } else { None };
+        let mut opened = [0.0; 2];
         let strip = stages.time("disconnect_particles", || {
-            let layer = tissue.layer.as_mut().filter(|_| !is_nick)?;
+            let layer = tissue.layer.as_ref().filter(|_| !is_nick)?;
             let [start, end] = part.at_rest;
+            let mut on = OnLine::BESIDE;
+            if !self.is_beside {
+                let edge = self.skin_edge(tissue, part);
+                let begins = self.line(tissue, &layer.strips, (part, is_first), edge);
+                on = begins.strip(edge[1], self.length(part, begins.end.distance(edge[1])));
+                (opened, line) = (begins.opened, Some(begins.after(&on)));
+            }
             let corners = [start[0], end[0], end[1], start[1]];
-            layer.strips.push_strip(corners, self.reach, self.slit, self.is_beside).ok()
+            tissue.layer.as_mut()?.strips.push_strip(corners, self.reach, self.slit, on).ok()
         });
         lips.clear();
         let place = |v| find_made(self.made, v).map_or_else(|| seen(tissue, v), |n| n.position);
@@ -62,22 +78,32 @@ impl Cut<'_> {
         let (made, removed) = if is_first { (self.made, self.removed) } else { Default::default() };
         let update = stages.time("update_particles", || {
             let strips = strip.map_or(0..0, |s| s..s + 1);
-            tissue.update_map(made, removed, (strips, self.goes_on_from.filter(|_| is_first && strip.is_some())), lips)
+            let goes_on_from = self.goes_on_from.filter(|_| is_first && strip.is_some());
+            tissue.update_map(made, removed, NewStrips { strips, goes_on_from, opened }, lips)
         });
-        (update, strip)
+        (update, strip, line.filter(|_| is_nick || strip.is_some()))
+    }
+}
+
+impl Cut<'_> {
+    /// How long a strip counts as: as long as what it cut of the skin. That of a slit without width runs from vertex to vertex, and where such
+    /// slits cross it folded a tenth more of the skin than the mean of both edges of the strip.
+    fn length(&self, part: &StripPart, in_skin: f64) -> f64 {
+        let [start, end] = part.at_rest;
+        if self.has_width { in_skin } else { 0.5 * (start[0].distance(end[0]) + start[1].distance(end[1])) }
     }
 }
 
 impl TearStroke {
-    /// Binds what a cut swept, part by part: the number of its last strip.
+    /// Binds what a cut swept, part by part: the number of its last strip, and the line on which a next one goes on.
     pub(super) fn bind_strips(
         &mut self,
         tissue: &mut Tissue,
         cut: &mut Cut<'_>,
         (parts, blades): (&[Option<StripPart>], [[DVec3; 2]; 2]),
         report: &mut SegmentReport,
-    ) -> Option<usize> {
-        let mut last = None;
+    ) -> (Option<usize>, Option<WoundLine>) {
+        let (mut last, mut line) = (None, cut.goes_on_along);
         for (i, part) in parts.iter().flatten().enumerate() {
             if part.is_apart {
                 self.begin_slit(tissue, false);
@@ -86,14 +112,39 @@ impl TearStroke {
             let Self { lips, nicked, positions, .. } = &mut *self;
             let seen = |tissue: &Tissue, v| positions.of(tissue, v);
             let of_part = (part, i == 0, part.is_nick(blades));
-            let (update, strip) = cut.bind(tissue, of_part, seen, (lips, nicked), &mut report.stages);
+            let (update, strip, on) = cut.bind(tissue, of_part, seen, (lips, nicked), &mut report.stages);
             let made = cut.made.iter().map(|n| n.vertex);
             self.positions.edited(tissue, update.vertices_changed.iter().copied().chain(made));
             report.wound_particles += update.particles_added.len();
             report.vertices_visited += update.vertices_visited;
             tissue.scratch.update.reuse(update);
             last = strip.or(last);
+            line = on;
+            if let Some(line) = on {
+                self.lies_on(tissue, line.wound);
+            }
         }
-        last
+        (last, line)
+    }
+
+    /// Notes that the blade is in a wound. It has left the others, unless chains of several are cut side by side: not where one begins, as it
+    /// may be one's that the blade turns back in, and what opens under it is not cut where it goes.
+    fn lies_on(&mut self, tissue: &mut Tissue, wound: u32) {
+        if self.wounds.contains(&wound) {
+            return;
+        }
+        if self.stroke.builder().is_alone() {
+            self.release_wounds(tissue);
+        }
+        self.wounds.push(wound);
+    }
+
+    /// The blade has left its wounds: they open over all their length.
+    pub(super) fn release_wounds(&mut self, tissue: &mut Tissue) {
+        for wound in self.wounds.drain(..) {
+            let report = tissue.release_wound(wound);
+            self.positions.edited(tissue, report.vertices_changed.iter().copied());
+            tissue.scratch.update.reuse(report);
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! cuts, and the tissue beside that air lies elsewhere at rest: there a strip ends where the cut does. Across such a wound it goes through
 //! air from one lip to the other, which touch at rest: there it ends at one and begins anew at the other.
 
-use super::{TearStroke, nearest_of, nearest_vertex};
+use super::TearStroke;
 use crate::geometry::{FaceId, VertexId};
 use crate::particles::{LipSide, share_between};
 use crate::surgery::TearBox;
@@ -343,4 +343,29 @@ fn onto_line(p: DVec3, [from, to]: [DVec3; 2]) -> DVec3 {
         s if s.is_finite() => from + along * s,
         _ => p,
     }
+}
+
+/// The vertex of `faces` that is seen nearest to `p`; dead faces are passed over. `position` gives final positions.
+pub(super) fn nearest_vertex(
+    tissue: &Tissue,
+    faces: &[FaceId],
+    p: DVec3,
+    position: &impl Fn(VertexId) -> DVec3,
+) -> Option<VertexId> {
+    nearest(faces.iter().filter(|f| tissue.mesh.is_live(**f)).flat_map(|&f| tissue.mesh.face(f)), p, position)
+}
+
+/// The live one of `vertices` that is seen nearest to `p`.
+pub(super) fn nearest_of(
+    tissue: &Tissue,
+    vertices: &[VertexId],
+    p: DVec3,
+    position: &impl Fn(VertexId) -> DVec3,
+) -> Option<VertexId> {
+    nearest(vertices.iter().copied().filter(|&v| tissue.mesh.vertex_is_live(v)), p, position)
+}
+
+fn nearest(vertices: impl Iterator<Item = VertexId>, p: DVec3, position: &impl Fn(VertexId) -> DVec3) -> Option<VertexId> {
+    let near = vertices.map(|v| (position(v).distance_squared(p), v));
+    near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|n| n.1)
 }

@@ -16,6 +16,8 @@ mod strip_ends;
 mod stroke_room;
 #[path = "stroke_ties.rs"]
 mod stroke_ties;
+#[path = "wound_line.rs"]
+mod wound_line;
 
 use super::inside::{CLEARANCE, Seen, corners_inside, is_buried, is_crumpled};
 use super::positions::PositionCache;
@@ -32,8 +34,9 @@ use slit_stroke::SlitState;
 pub(super) use slit_stroke::slit_cut;
 pub(super) use strip_bind::Cut;
 pub(super) use strip_ends::{StripPart, Swath};
-use strip_ends::{StripStart, is_skin};
+use strip_ends::{StripStart, is_skin, nearest_vertex};
 use stroke_ties::Tie;
+use wound_line::WoundLine;
 
 /// Sides whose two triangles are this flat, as a fraction of the diagonal, are one plane.
 const FLAT_SIDE: f64 = 1e-9;
@@ -70,6 +73,8 @@ struct Ended {
     moved: bool,
     /// Its end edge (tip, top) at rest.
     at_rest: [DVec3; 2],
+    /// The line of the wound in which it lies.
+    line: Option<WoundLine>,
     /// Vertices on the joint, with the quad edges they lie on, sorted.
     tags: Vec<OnPlanes>,
     /// Its walls: the end wall, which goes when the chain goes on, and the others (both sorted).
@@ -82,6 +87,9 @@ struct Ended {
     /// Vertices that it touched or made, where another box has come after it.
     near: Vec<VertexId>,
 }
+
+/// Where a strip ends at rest, and the line of its wound.
+type StripEnd = ([DVec3; 2], Option<WoundLine>);
 
 /// The corners of a box towards the handle, which are above the skin.
 const TOP: u8 = 0b1100_1100;
@@ -110,8 +118,9 @@ pub struct TearStroke {
     /// The last boxes, newest last: two chains take turns where the blade turns about a point of its own.
     ended: Vec<Ended>,
     spare_ended: Vec<Ended>,
-    /// The number of its first slit, and its first strip.
+    /// The number of its newest slit, its wounds that the blade has not left yet, and its first strip.
     slit: u32,
+    wounds: Vec<u32>,
     first_strip: usize,
     candidates: Vec<FaceId>,
     /// Vertices that the last box touched or made, as far as they live.
@@ -164,6 +173,7 @@ impl TearStroke {
             ended: Vec::new(),
             spare_ended: Vec::new(),
             slit: tissue.layer().map_or(0, |l| l.strips.next_slit()),
+            wounds: Vec::new(),
             first_strip: tissue.layer().map_or(0, |l| l.strips.len()),
             candidates: Vec::new(),
             near: Vec::new(),
@@ -206,6 +216,7 @@ impl TearStroke {
         self.reports.clear();
         self.ties.clear();
         self.nicked.clear();
+        self.wounds.clear();
         self.pose_tie = None;
         self.deltas.clear();
         self.positions.forget();
@@ -270,10 +281,7 @@ impl TearStroke {
         if let Some(last) = self.reports.last_mut() {
             last.new_vertices += parted;
         }
-        if tissue.layer.as_ref().is_some_and(|l| self.has_torn() && l.strips.next_slit() > self.slit) {
-            let report = tissue.release_slit();
-            tissue.scratch.update.reuse(report);
-        }
+        self.release_wounds(tissue);
         tissue.scratch.hands.pulls.under_blade = None;
         self.spare_ended.append(&mut self.ended);
         self.slits.release();
@@ -348,7 +356,9 @@ impl TearStroke {
         }
         let before = self.ended.iter().position(follows).map(|i| self.ended.remove(i));
         let resumes = |e: &&Ended| e.joint.is_some_and(|joint| tear_box.from == ChainStart::Box(joint));
-        let start = match (&before, self.ended.iter().find(resumes)) {
+        let resumed = self.ended.iter().find(resumes);
+        let line = before.as_ref().or(resumed).and_then(|e| e.line);
+        let start = match (&before, resumed) {
             (Some(e), _) => StripStart::Edge(e.at_rest, e.ends_in_skin(tissue)),
             (None, Some(e)) => StripStart::Along(e.at_rest, e.ends_in_skin(tissue)),
             (None, None) => StripStart::Free,
@@ -400,10 +410,10 @@ impl TearStroke {
         }
         report.faces_visited = self.step.faces_visited;
         let end = if hit {
-            self.bind(tissue, tear_box, start, &mut report)
+            self.bind(tissue, tear_box, (start, line), &mut report)
         } else {
             self.near.clear();
-            self.swath(tissue).rest_edge(tear_box.blades[1])
+            (self.swath(tissue).rest_edge(tear_box.blades[1]), line)
         };
         self.keep_end(tissue, tear_box, &planes, (&before, end));
         self.spare_ended.push(before);
@@ -474,7 +484,7 @@ impl TearStroke {
     }
 
     /// Remembers where the box ended, its walls and lips, for the next of its chain.
-    fn keep_end(&mut self, tissue: &Tissue, tear_box: &TearBox, planes: &BoxPlanes, (before, at_rest): (&Ended, [DVec3; 2])) {
+    fn keep_end(&mut self, tissue: &Tissue, tear_box: &TearBox, planes: &BoxPlanes, (before, end): (&Ended, StripEnd)) {
         let step = &self.step;
         // the box may have cut what those of the other chain have left; a face's slot may be in use again
         let made = &mut self.made;
@@ -501,8 +511,10 @@ impl TearStroke {
             other.tags.retain(|t| tissue.mesh.vertex_is_live(t.vertex));
             other.lips.retain(|l| tissue.mesh.vertex_is_live(l.0));
         }
+        let (at_rest, line) = end;
         let mut end = self.spare_ended.pop().unwrap_or_default().emptied();
-        (end.chain, end.joint, end.moved, end.at_rest) = (tear_box.chain, Some(tear_box.joints[1]), false, at_rest);
+        (end.chain, end.joint, end.moved) = (tear_box.chain, Some(tear_box.joints[1]), false);
+        (end.at_rest, end.line) = (at_rest, line);
         planes.end_edges(&step.on_end, &mut end.tags);
         if self.wall == WallMode::Closed {
             for &(face, side) in &step.walls {
@@ -521,8 +533,14 @@ impl TearStroke {
         self.ended.push(end);
     }
 
-    /// Rows, strip and particle map of what the box tore. Returns the strip's end edge at rest.
-    fn bind(&mut self, tissue: &mut Tissue, tear_box: &TearBox, start: StripStart, report: &mut SegmentReport) -> [DVec3; 2] {
+    /// Rows, strip and particle map of what the box tore.
+    fn bind(
+        &mut self,
+        tissue: &mut Tissue,
+        tear_box: &TearBox,
+        (start, line): (StripStart, Option<WoundLine>),
+        report: &mut SegmentReport,
+    ) -> StripEnd {
         let step = &mut self.step;
         let promoted = tissue.promoted_vertices;
         report.stages.time("bind", || {
@@ -557,31 +575,18 @@ impl TearStroke {
             has_width: true,
             is_beside: step.skin_cut == 0,
             reach,
+            goes_on_along: line,
+            shares_edge: matches!(start, StripStart::Edge(_, true)),
             ..Cut::default()
         };
-        self.bind_strips(tissue, &mut cut, (&parts, tear_box.blades), report);
+        let (_, line) = self.bind_strips(tissue, &mut cut, (&parts, tear_box.blades), report);
         (self.step, self.removed) = (step, removed);
         let corners = self.step.new_vertices.iter().filter(|n| n.parent_count == 0);
         report.wall_deviation = corners.map(|n| tissue.faded(n.vertex).length()).fold(0.0, f64::max);
         tissue.versions.structure += 1;
         self.close_notes(tissue, report);
-        end
+        (end, line)
     }
-}
-
-/// The vertex of `faces` that is seen nearest to `p`; dead faces are passed over. `position` gives final positions.
-fn nearest_vertex(tissue: &Tissue, faces: &[FaceId], p: DVec3, position: &impl Fn(VertexId) -> DVec3) -> Option<VertexId> {
-    nearest(faces.iter().filter(|f| tissue.mesh.is_live(**f)).flat_map(|&f| tissue.mesh.face(f)), p, position)
-}
-
-/// The live one of `vertices` that is seen nearest to `p`.
-fn nearest_of(tissue: &Tissue, vertices: &[VertexId], p: DVec3, position: &impl Fn(VertexId) -> DVec3) -> Option<VertexId> {
-    nearest(vertices.iter().copied().filter(|&v| tissue.mesh.vertex_is_live(v)), p, position)
-}
-
-fn nearest(vertices: impl Iterator<Item = VertexId>, p: DVec3, position: &impl Fn(VertexId) -> DVec3) -> Option<VertexId> {
-    let near = vertices.map(|v| (position(v).distance_squared(p), v));
-    near.min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))).map(|n| n.1)
 }
 
 /// Turns normals near a vertex into normals at rest: the transpose of the blended matrix (MATHS 2.3).

@@ -10,6 +10,8 @@ use crate::tissue::{Tissue, TissueDelta};
 const SEGMENT_ROOM: usize = 2048;
 /// Segments of a stroke.
 const SEGMENTS: usize = 256;
+/// Wounds that a stroke is in at once.
+const WOUNDS: usize = 32;
 /// Deltas that are under way: one is filled while others are with those who mirror the tissue.
 const DELTAS: usize = 4;
 
@@ -28,6 +30,7 @@ impl TearStroke {
         tags.reserve(SEGMENT_ROOM);
         lips.reserve(SEGMENT_ROOM);
         nicked.reserve(SEGMENT_ROOM);
+        stroke.wounds.reserve(WOUNDS);
         stroke.ended.reserve(ENDS_KEPT);
         stroke.spare_ended.resize_with(ENDS_KEPT + 2, Ended::with_room);
         stroke.segments.reserve(16);

@@ -1,7 +1,8 @@
 //! What holds the blade's pending quads to moving tissue (MATHS 5.5).
 
+use super::TearStroke;
 use super::joint_fit::Pins;
-use super::{TearStroke, nearest_vertex};
+use super::strip_ends::nearest_vertex;
 use crate::geometry::VertexId;
 use crate::surgery::{JointId, PendingQuad};
 use crate::tissue::Tissue;
