@@ -4,6 +4,8 @@
 mod common;
 #[path = "wound_stays_open/crossings.rs"]
 mod crossings;
+#[path = "wound_stays_open/lines.rs"]
+mod lines;
 #[path = "wound_stays_open/lips.rs"]
 mod lips;
 
