@@ -42,8 +42,7 @@ impl Leg {
         let down = if at_end { tip1 - base1 } else { tip0 - base0 }.normalize_or_zero();
         let (strip, spacing) = (&strips.as_slice()[k], settings.wound.spacing);
         let end = strip.skin_edge()[usize::from(at_end)];
-        let outwards = strip.along() * if at_end { 1.0 } else { -1.0 };
-        let place = |v: VertexId| (rest[v.index()] - end).dot(outwards);
+        let place = |v: VertexId| -strip.inwards(at_end, rest[v.index()]);
         let at_top =
             |l: &&LipVertex| l.strip == k && mesh.vertex_is_live(l.vertex) && rest[l.vertex.index()].distance(end) < spacing;
         let outermost = edit.lips.iter().filter(at_top).map(|l| place(l.vertex)).fold(0.0, f64::max);

@@ -8,7 +8,7 @@
 use super::legs::{LegLip, MOST_LIPS};
 use super::particle_map::ParticleMap;
 use super::settings::WoundSettings;
-use super::strips::{Strips, WoundMark};
+use super::strips::Strips;
 use crate::geometry::room::fit;
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
@@ -60,6 +60,9 @@ fn share_of_gap(place: f64, [low, high]: [f64; 2], is_shut: [bool; 2]) -> f64 {
 struct Marked {
     particle: ParticleId,
     anchor: VertexId,
+    /// Where it is on the wound's line, metres, and whether in another skin than that.
+    place: f64,
+    is_elsewhere: bool,
     /// Unit vector away from the slit.
     outwards: DVec3,
     /// How far out the lip belongs, and how far out the particle is set, metres.
@@ -91,8 +94,8 @@ pub(super) struct Opening {
     pub(super) wound: u32,
     /// From where to where on its line, metres; a leg, where it runs over an edge, goes on beyond its strips.
     pub(super) open: [f64; 2],
-    /// Whether the lips meet at both ends; where it is not known a wound particle there tells.
-    pub(super) is_shut: [Option<bool>; 2],
+    /// Whether the lips meet at both ends.
+    pub(super) is_shut: [bool; 2],
     /// Whether the blade has left it.
     pub(super) is_done: bool,
 }
@@ -147,32 +150,30 @@ impl Lens {
         opening: Opening,
         half_gap: f64,
     ) {
-        let [low, high] = opening.open;
-        let is_held = |end: f64| strips.is_held(map, opening.wound, end, 0.5 * wound.spacing);
-        let is_shut = [0, 1].map(|k| opening.is_shut[k].unwrap_or_else(|| is_held(opening.open[k])));
-        let anchor = |mark: &WoundMark| map.anchors.get(mark.particle.index()).copied().filter(|a| a.is_some());
-        let is_elsewhere = |mark: &WoundMark, anchor: VertexId| {
-            !strips.as_slice()[mark.strip as usize].is_near_skin(rest[anchor.index()], wound.spacing)
-        };
+        let Opening { open: [low, high], is_shut, .. } = opening;
+        fit(&mut self.place_of, map.len(), NONE);
+        self.marks.clear();
+        let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
+        for mark in strips.marks_of(opening.wound) {
+            let particle = mark.particle;
+            let Some(&anchor) = map.anchors.get(particle.index()).filter(|a| a.is_some()) else { continue };
+            let place = strips.place_of(mark).0;
+            let is_elsewhere = !strips.as_slice()[mark.strip as usize].is_near_skin(rest[anchor.index()], wound.spacing);
+            if is_elsewhere {
+                (first, last) = (first.min(place), last.max(place));
+            }
+            let outwards = strips.geometry(mark.strip as usize).normal() * f64::from(mark.side);
+            self.place_of[particle.index()] = self.marks.len() as u32;
+            self.marks.push(Marked { particle, anchor, place, is_elsewhere, outwards, lip: 0.0, set: 0.0, off: 0.0, step: 0.0 });
+        }
         // What the blade cut of another skin may end before the wound does, whose lips meet where it ends: there that one's do.
-        let others = strips.marks_of(opening.wound).filter(|m| anchor(m).is_some_and(|a| is_elsewhere(m, a)));
-        let (first, last) = others
-            .map(|m| strips.place_of(m).0)
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(first, last), p| (first.min(p), last.max(p)));
         let (first, last) = (first - 0.5 * wound.spacing, last + 0.5 * wound.spacing);
         let ends = [is_shut[0] && first > low + wound.spacing, is_shut[1] && last < high - wound.spacing];
         let other = [if ends[0] { first } else { low }, if ends[1] { last } else { high }];
-        fit(&mut self.place_of, map.len(), NONE);
-        self.marks.clear();
-        for mark in strips.marks_of(opening.wound) {
-            let particle = mark.particle;
-            let Some(anchor) = anchor(mark) else { continue };
-            let open = if is_elsewhere(mark, anchor) { other } else { [low, high] };
-            let share = share_of_gap(strips.place_of(mark).0, open, is_shut);
-            let outwards = strips.geometry(mark.strip as usize).normal() * f64::from(mark.side);
-            let lip = half_gap * share;
-            self.place_of[particle.index()] = self.marks.len() as u32;
-            self.marks.push(Marked { particle, anchor, outwards, lip, set: lip, off: 0.0, step: 0.0 });
+        for m in &mut self.marks {
+            let open = if m.is_elsewhere { other } else { [low, high] };
+            m.lip = half_gap * share_of_gap(m.place, open, is_shut);
+            m.set = m.lip;
         }
     }
 

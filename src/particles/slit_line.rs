@@ -60,6 +60,12 @@ impl Strip {
         (to - from).try_normalize().unwrap_or_else(|| (tip1 + base1 - tip0 - base0).normalize_or_zero())
     }
 
+    /// How far a point (rest space) lies inwards from one of its ends, along it, metres.
+    pub(super) fn inwards(&self, at_end: bool, p: DVec3) -> f64 {
+        let way = self.along() * if at_end { -1.0 } else { 1.0 };
+        (p - self.skin_edge()[usize::from(at_end)]).dot(way)
+    }
+
     /// What of the skin it cut so many metres along it.
     pub(super) fn skin_at(&self, along: f64) -> DVec3 {
         let [from, to] = self.skin_edge();

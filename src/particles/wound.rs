@@ -106,7 +106,9 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
             continue;
         }
         let open = opened(update, &strip);
-        displace(update, Opening { wound: strip.wound, open, is_shut: shut_while_open(&strip), is_done: false });
+        // a blade that comes back has been at the other end
+        let starts_shut = strip.way < 0 || starts_held(update, strip.wound, open);
+        displace(update, Opening { wound: strip.wound, open, is_shut: [starts_shut, true], is_done: false });
     }
 }
 
@@ -141,9 +143,9 @@ fn opened(update: &Update<'_, '_>, strip: &Strip) -> [f64; 2] {
     }
 }
 
-/// Where the lips of a wound count as shut while this is its newest strip.
-fn shut_while_open(strip: &Strip) -> [Option<bool>; 2] {
-    if strip.way > 0 { [None, Some(true)] } else { [Some(true); 2] }
+/// True if a wound particle holds the lower end of what stands open of a wound.
+fn starts_held(update: &Update<'_, '_>, wound: u32, open: [f64; 2]) -> bool {
+    update.strips.is_held(update.map, wound, open[0], 0.5 * update.settings.wound.spacing)
 }
 
 /// Sets the rest displacements of a wound and notes whose have changed.
@@ -171,8 +173,7 @@ fn lips_meet(update: &mut Update<'_, '_>, k: usize, at_end: bool, from: Option<V
             && mesh.fan(l.vertex).any(|h| is_skin(&h))
     };
     let lips = edit.lips.iter().filter(is_lip);
-    let inwards = of.along() * if at_end { -1.0 } else { 1.0 };
-    let place = |v: VertexId| (rest[v.index()] - end).dot(inwards);
+    let place = |v: VertexId| of.inwards(at_end, rest[v.index()]);
     // on the skin that the wound's line is in; where the blade came back over it, another strip's may be the outermost
     let before = |a: &VertexId, b: &VertexId| is_far(*a).cmp(&is_far(*b)).then(place(*a).total_cmp(&place(*b))).then(a.cmp(b));
     let outermost = || lips.map(|l| l.vertex).min_by(before);
@@ -335,7 +336,8 @@ pub fn release_wound(
     }
     let edit = MapEdit { lips: &lips, ..MapEdit::default() };
     let mut update = Update::begin((mesh, rest), map, strips, &edit, settings, scratch);
-    let mut opening = Opening { wound, open: range, is_shut: [None, Some(true)], is_done: true };
+    let is_shut = [starts_held(&update, wound, range), true];
+    let mut opening = Opening { wound, open: range, is_shut, is_done: true };
     if let Some(ends) = ends
         && settings.wound.gap > 0.0
         && update.find_zone()
@@ -350,11 +352,11 @@ pub fn release_wound(
             // how a wound began has been looked at then
             let is_held = !at_end && is_held(&update, wound, (place, point), None);
             if leg.is_none() && (is_held || !at_end && update.strips.of_wound(wound).next() == Some(strip)) {
-                opening.is_shut[which] = Some(is_held);
+                opening.is_shut[which] = is_held;
                 continue;
             }
             let is_shut = lips_meet(&mut update, strip, at_end, leg.as_ref().map(|leg| leg.bottom));
-            opening.is_shut[which] = Some(is_shut);
+            opening.is_shut[which] = is_shut;
             let outwards = [-1.0, 1.0][which];
             opening.open[which] = place + outwards * leg.as_ref().map_or(0.0, |leg| leg.depth);
             match leg {

@@ -84,6 +84,12 @@ impl StripPart {
         Self { blades, at_rest, of: None, is_apart: false }
     }
 
+    /// Its normal at rest, twice the mean of its triangles' areas long.
+    pub(super) fn normal(&self) -> DVec3 {
+        let [start, end] = self.at_rest;
+        (end[0] - start[1]).cross(end[1] - start[0])
+    }
+
     /// The part of it up to a lip, a share of its way on, that reaches up the blade by `height`.
     fn until(self, tissue: &Tissue, (lip, share): CutLip<'_>, height: f64) -> Self {
         let (blade, at_rest) = self.blade(tissue, lip, (share, height));
@@ -324,9 +330,15 @@ pub(super) fn find_made(made: &[NewVertex], v: VertexId) -> Option<&NewVertex> {
 }
 
 /// Where `p` lies on the way from the one blade to the other.
-fn share_of_way([[tip, top], [next_tip, next_top]]: [[DVec3; 2]; 2], p: DVec3) -> f64 {
+fn share_of_way(blades: [[DVec3; 2]; 2], p: DVec3) -> f64 {
+    let [[tip, top], [next_tip, next_top]] = blades;
+    share_between([tip, next_tip, next_top, top], normal_of_way(blades), p)
+}
+
+/// Unit normal of what the blade sweeps from the one to the other.
+pub(super) fn normal_of_way([[tip, top], [next_tip, next_top]]: [[DVec3; 2]; 2]) -> DVec3 {
     let normal = (next_tip - tip).cross(next_top - tip) + (next_top - tip).cross(top - tip);
-    share_between([tip, next_tip, next_top, top], normal.normalize_or_zero(), p)
+    normal.normalize_or_zero()
 }
 
 pub(super) fn is_skin(tissue: &Tissue, v: VertexId) -> bool {

@@ -1,7 +1,7 @@
 //! On which wound's line a new strip lies: that of the strip it goes on from, that of an older wound it begins in, or a new one (MATHS 3.3).
 
 use super::strip_bind::Cut;
-use super::strip_ends::{StripPart, find_made, is_skin, way_between};
+use super::strip_ends::{StripPart, find_made, is_skin, normal_of_way, way_between};
 use crate::geometry::VertexId;
 use crate::particles::wound_lines::OnLine;
 use crate::particles::{LipSide, Strips, share_between};
@@ -61,9 +61,7 @@ impl Cut<'_> {
     /// has met none.
     pub(super) fn skin_edge(&self, tissue: &Tissue, part: &StripPart) -> [DVec3; 2] {
         let [[tip, top], [next_tip, next_top]] = part.blades;
-        let seen_normal = (next_tip - tip).cross(next_top - tip) + (next_top - tip).cross(top - tip);
-        let (seen_normal, ups) =
-            (seen_normal.normalize_or_zero(), [top - tip, next_top - next_tip].map(DVec3::normalize_or_zero));
+        let (seen_normal, ups) = (normal_of_way(part.blades), [top - tip, next_top - next_tip].map(DVec3::normalize_or_zero));
         let near = AT_END * way_between(part.blades);
         // the outermost on either side, at both ends
         let mut found: [[Option<EndVertex>; 2]; 2] = Default::default();
@@ -90,8 +88,7 @@ impl Cut<'_> {
                 }
             }
         }
-        let [start, finish] = part.at_rest;
-        let normal = (finish[0] - start[1]).cross(finish[1] - start[0]).normalize_or_zero();
+        let (start, normal) = (part.at_rest[0], part.normal().normalize_or_zero());
         [0, 1].map(|end| {
             let mut sum = (DVec3::ZERO, 0.0);
             for at in found[end].iter().flatten() {
@@ -122,7 +119,7 @@ impl Cut<'_> {
         // a box that met next to no skin goes where its blade does, if anywhere
         let ([start, finish], is_dot) = (part.at_rest, from.distance(to) <= NEXT_TO_NONE * near);
         let way = if is_dot { finish[1] - start[1] } else { to - from }.normalize_or_zero();
-        let normal = (finish[0] - start[1]).cross(finish[1] - start[0]);
+        let normal = part.normal();
         let mut best: Option<(f64, WoundLine)> = None;
         let mut looked_at = None;
         let mut look_at = |lip: &LipSide| {
