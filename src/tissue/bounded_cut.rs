@@ -32,7 +32,14 @@ impl Tissue {
         self.faces_near(leaf.min, leaf.max, &mut candidates);
         candidates.sort_unstable();
         let edges = [[tip, top.unwrap_or(next_top)], [next_tip, next_top]];
-        let uncut = Swath { tissue: self, made: &[], near: &[], candidates: &candidates, elsewhere: |v| self.position(v) };
+        let uncut = Swath {
+            tissue: self,
+            made: &[],
+            near: &[],
+            candidates: &candidates,
+            half_width: 0.0,
+            elsewhere: |v| self.position(v),
+        };
         let at_rest = edges.map(|edge| uncut.rest_edge(edge));
         let hit = stages.time("split", || {
             let (mesh, posed) = self.split_borrow();

@@ -259,7 +259,7 @@ impl TearStroke {
         let elsewhere = |v| self.positions.of(tissue, v);
         let made = step.new_vertices.as_slice();
         let old = made.first().map_or(step.touched.len(), |n| step.touched.partition_point(|v| *v < n.vertex));
-        Swath { tissue, made, near: &step.touched[..old], candidates: &self.candidates, elsewhere }
+        Swath { tissue, made, near: &step.touched[..old], candidates: &self.candidates, half_width: 0.0, elsewhere }
     }
 
     /// Joins ends of the slit that the strip has missed to its own nearest starts, over the skin, if those are near; where there are

@@ -25,6 +25,15 @@ const LEAST_PART: f64 = 0.1;
 /// What lies so near to an end of a strip's way, as a share of it, lies at that end.
 const AT_END: f64 = 1e-6;
 
+/// Skin that is no farther from a blade than so many times half the width of its cut lies on it.
+const ON_BLADE: f64 = 1.5;
+
+/// A vertex beside a blade counts as so many times farther from its ends as it is beside it.
+const OFF_BLADE: f64 = 4.0;
+
+/// Vertices on a blade that are farther apart than this share of it carry it to rest together.
+const BETWEEN_FRAMES: f64 = 0.25;
+
 /// Where a strip begins.
 #[derive(Clone, Copy)]
 pub(in crate::tissue) enum StripStart {
@@ -62,6 +71,8 @@ pub(in crate::tissue) struct Swath<'a, S> {
     pub(in crate::tissue) near: &'a [VertexId],
     /// Faces that it was looked for in.
     pub(in crate::tissue) candidates: &'a [FaceId],
+    /// Half the width of what it has taken out, metres.
+    pub(in crate::tissue) half_width: f64,
     /// Where other vertices are seen.
     pub(in crate::tissue) elsewhere: S,
 }
@@ -138,18 +149,39 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
         self.made(v).map_or_else(|| (self.elsewhere)(v), |n| n.position)
     }
 
-    /// A blade `[tip, top]`, carried to rest space by the nearest surface vertex. It ends not far above what was torn: a vertex's
+    /// A blade `[tip, top]`, carried to rest space by the vertices on it: the highest and the lowest, which a blade through thick tissue that
+    /// bends goes through with different frames, or where they are one, by that one's frame. It ends not far above what was torn: a vertex's
     /// frame holds near it, and the next strip may have another.
     pub(in crate::tissue) fn rest_edge(&self, [tip, top]: [DVec3; 2]) -> [DVec3; 2] {
         let tissue = self.tissue;
-        let seen = |v| self.seen(v);
-        let share = |v: &VertexId| (seen(*v) - tip).dot(top - tip) / (top - tip).length_squared();
-        let highest = self.near.iter().filter(|v| tissue.mesh.vertex_is_live(**v)).map(share).fold(0.0, f64::max);
-        let top = if highest > 0.0 && highest < 0.5 { tip.lerp(top, 2.0 * highest) } else { top };
-        match nearest_of(tissue, self.near, top, &seen).or_else(|| nearest_vertex(tissue, self.candidates, top, &seen)) {
-            Some(v) => [tip, top].map(tissue.rest_frame(v, seen(v))),
-            None => [tip, top],
+        let near = || self.near.iter().copied().filter(|v| tissue.mesh.vertex_is_live(*v));
+        let up = (top - tip).normalize_or_zero();
+        let height = |v: VertexId| (self.seen(v) - tip).dot(up);
+        let highest = near().map(height).fold(0.0, f64::max);
+        let length = if highest > 0.0 { (top - tip).length().min(2.0 * highest) } else { (top - tip).length() };
+        let top = tip + length * up;
+        let off = |v: VertexId| self.seen(v).distance(tip + height(v).clamp(0.0, length) * up);
+        // what is on the blade is farther up, or down, than what is beside it where the skin leans
+        let end = |way: f64| {
+            let on_blade =
+                near().map(|v| (v, off(v))).filter(|(v, off)| *off <= ON_BLADE * self.half_width && is_skin(tissue, *v));
+            let far = on_blade.map(|(v, off)| (way * height(v) - OFF_BLADE * off, v));
+            far.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, v)| v)
+        };
+        let Some((low, high)) = end(-1.0).zip(end(1.0)) else {
+            let seen = |v| self.seen(v);
+            return match nearest_of(tissue, self.near, top, &seen).or_else(|| nearest_vertex(tissue, self.candidates, top, &seen))
+            {
+                Some(v) => [tip, top].map(tissue.rest_frame(v, seen(v))),
+                None => [tip, top],
+            };
+        };
+        let [from, to] = [low, high].map(height);
+        if to - from < BETWEEN_FRAMES * length {
+            return [tip, top].map(tissue.rest_frame(high, self.seen(high)));
         }
+        let [low, high] = [(low, from), (high, to)].map(|(v, height)| tissue.rest_frame(v, self.seen(v))(tip + height * up));
+        [0.0, length].map(|at| low.lerp(high, (at - from) / (to - from)))
     }
 
     /// The strip between two blades, and where it ends at rest: in two parts, or the part that there is of it, where the blade crossed
@@ -286,7 +318,8 @@ impl TearStroke {
     /// What the last box has cut.
     pub(super) fn swath<'a>(&'a self, tissue: &'a Tissue) -> Swath<'a, impl Fn(VertexId) -> DVec3> {
         let elsewhere = |v| self.positions.of(tissue, v);
-        Swath { tissue, made: &self.step.new_vertices, near: &self.near, candidates: &self.candidates, elsewhere }
+        let half_width = 0.5 * self.width;
+        Swath { tissue, made: &self.step.new_vertices, near: &self.near, candidates: &self.candidates, half_width, elsewhere }
     }
 
     /// How far up blade `end` of a box its cut reaches, as a share of the blade: in all, and where it cut skin.
