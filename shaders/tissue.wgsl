@@ -12,7 +12,8 @@
 const WALL: u32 = 1u;
 // A sliver of wall along a lip, no wider than that: nothing but lip.
 const RIM: u32 = 2u;
-// A face of the skin with all its corners on the lip, and more than lip: how far from it a point is, only the face's own edges tell.
+// A face whose corners on the lip are joined by an edge that is none: how far from it a point is, only the face's own edges and corners
+// tell.
 const BETWEEN_LIPS: u32 = 4u;
 // A face of a tissue that is WHOLE: from behind, too, it is skin.
 const FOLDED_SKIN: u32 = 8u;
@@ -83,7 +84,7 @@ fn is_between_lips(t: u32, face: u32) -> bool {
     }
     var has_lip = false;
     for (var k = 0u; k < 3u; k++) {
-        if (deformed[tissues[t].normals + faces[face].wedges[k]].w > 0.0) {
+        if (lip_value(t, face, k) > 0.0) {
             return false;
         }
         has_lip |= ends_skin(t, faces[face].opposites[k]);
@@ -99,6 +100,51 @@ fn from_edges(t: u32, face: u32, k: u32) -> vec3f {
     for (var i = 0u; i < 3u; i++) {
         let height = doubled_area / max(distance(p[i], p[(i + 1u) % 3u]), 1e-30) * tissues[t].detail_scale;
         away[i] = select(OFF_LIP, select(0.0, height, k == (i + 2u) % 3u), ends_skin(t, faces[face].opposites[i]));
+    }
+    return vec3f(away[0], away[1], away[2]);
+}
+
+// True for a face of a wall with an edge from lip to lip that is none itself: one across the wall, or down it to the other skin.
+fn joins_lips(t: u32, face: u32) -> bool {
+    if ((tissues[t].flags & WOUNDED) == 0u) {
+        return false;
+    }
+    for (var k = 0u; k < 3u; k++) {
+        let ends = max(lip_value(t, face, k), lip_value(t, face, (k + 1u) % 3u));
+        if (ends <= 0.0 && ends_skin(t, faces[face].opposites[k])) {
+            return true;
+        }
+    }
+    return false;
+}
+
+// Distance of corner `k` of a face from the lip, in diagonals; 0 for one that is on it.
+fn lip_value(t: u32, face: u32, k: u32) -> f32 {
+    return deformed[tissues[t].normals + faces[face].wedges[k]].w;
+}
+
+// Distances of corner `k` of a face of a wall from its edges that are lip, and from its corners that are, but for those edges' ends, in
+// diagonals.
+fn from_lips(t: u32, face: u32, k: u32) -> vec3f {
+    let p = corners_of(t, face);
+    let doubled_area = length(cross(p[1] - p[0], p[2] - p[0]));
+    var away = array<f32, 3>(OFF_LIP, OFF_LIP, OFF_LIP);
+    var ends = array<bool, 3>(false, false, false);
+    var count = 0u;
+    for (var i = 0u; i < 3u; i++) {
+        if (!ends_skin(t, faces[face].opposites[i])) {
+            let height = doubled_area / max(distance(p[i], p[(i + 1u) % 3u]), 1e-30) * tissues[t].detail_scale;
+            away[count] = select(0.0, height, k == (i + 2u) % 3u);
+            ends[i] = true;
+            ends[(i + 1u) % 3u] = true;
+            count += 1u;
+        }
+    }
+    for (var i = 0u; i < 3u; i++) {
+        if (!ends[i] && lip_value(t, face, i) <= 0.0) {
+            away[count] = distance(p[i], p[k]) * tissues[t].detail_scale;
+            count += 1u;
+        }
     }
     return vec3f(away[0], away[1], away[2]);
 }
@@ -127,6 +173,10 @@ fn corner(@builtin(vertex_index) index: u32, @builtin(view_index) view: u32) -> 
     out.material = tissues[t].materials + min(draw & 0xffffu, tissues[t].material_count - 1u);
     if ((draw >> 31u) != 0u) {
         out.flags = WALL | select(0u, RIM, is_rim(t, face));
+        if (joins_lips(t, face)) {
+            out.flags |= BETWEEN_LIPS;
+            out.edges = from_lips(t, face, index % 3u);
+        }
     } else if (is_between_lips(t, face)) {
         out.flags = BETWEEN_LIPS;
         out.edges = from_edges(t, face, index % 3u);
