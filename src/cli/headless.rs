@@ -87,7 +87,7 @@ impl Headless {
 
     fn read_script(&self) -> Result<Script, CliError> {
         match &self.script {
-            Some(path) => Script::load(path).map_err(CliError::input),
+            Some(path) => Script::load_for(path, self.frames).map_err(CliError::input),
             None if self.demo => Script::parse(DEMO, Path::new("demo.toml")).map_err(CliError::input),
             None => Ok(Script::default()),
         }

@@ -91,6 +91,18 @@ fn touching_parts_are_not_glued() {
     assert_eq!(positions.len(), 14);
 }
 
+/// Some programs begin a text with the mark of UTF-8, where the first keyword is.
+#[test]
+fn a_mark_before_the_text_costs_no_vertex() {
+    let obj = "\u{feff}v 0 0 0\nv 1 0 0\nv 0 1 0\nv 5 5 5\nf 1 2 3\n";
+    let stl = "\u{feff}solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid s\n";
+    for (text, format) in [(obj, Format::Obj), (stl, Format::Stl)] {
+        let model = load_bytes(text.as_bytes(), format, "marked", None).unwrap();
+        let corners: Vec<DVec3> = model.mesh.face(FaceId::new(0)).map(|v| model.rows.rest(v) + model.offset).into();
+        assert_eq!(corners, [DVec3::ZERO, DVec3::X, DVec3::Y], "{format:?}");
+    }
+}
+
 #[test]
 fn text_soup_zips_like_gltf_and_obj_keeps_its_indices() {
     let soup = cube([0.0; 3]);

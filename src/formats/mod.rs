@@ -41,6 +41,11 @@ use crate::rig::{Rig, VertexRows};
 use glam::DVec3;
 use std::path::Path;
 
+/// The bytes of a text without the mark of UTF-8 that some programs begin one with.
+fn without_mark(bytes: &[u8]) -> &[u8] {
+    bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
 /// A model as loaded: everything a tissue is made from.
 #[derive(Clone, Debug)]
 pub struct Model {

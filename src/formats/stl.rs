@@ -17,7 +17,7 @@ pub(crate) fn read(bytes: &[u8]) -> Result<Stored, FormatError> {
     // The length decides, not the first word: many binary files begin with "solid".
     if bytes.len() >= HEADER && bytes.len() >= HEADER + RECORD * binary_count(bytes) && !looks_like_text(bytes) {
         read_binary(bytes, &mut stored)?;
-    } else if bytes.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) {
+    } else if super::without_mark(bytes).trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) {
         read_text(bytes, &mut stored)?;
     } else if bytes.len() >= HEADER {
         let detail = format!("it announces {} triangles but holds {} bytes", binary_count(bytes), bytes.len());
@@ -51,7 +51,7 @@ fn read_binary(bytes: &[u8], stored: &mut Stored) -> Result<(), FormatError> {
 
 /// Reads the vertices of all loops of all solids. Normals are computed, so those of the file do not matter.
 fn read_text(bytes: &[u8], stored: &mut Stored) -> Result<(), FormatError> {
-    let text = String::from_utf8_lossy(bytes);
+    let text = String::from_utf8_lossy(super::without_mark(bytes));
     let mut corners = Vec::with_capacity(3);
     let mut ended = false;
     let last = text.lines().count();

@@ -80,8 +80,10 @@ pub struct GpuTissue {
     largest_displacement: f64,
     rotated: bool,
     lips: Lips,
-    /// No edits and no border, at the last full upload.
-    was_whole: bool,
+    /// It had no border at the last full upload.
+    was_closed: bool,
+    /// An edit has given it one since, and not all edits were undone.
+    was_opened: bool,
     long_rows: bool,
     /// Farthest that a turned particle may carry a vertex.
     largest_turn: f64,
@@ -123,7 +125,8 @@ impl GpuTissue {
             largest_displacement: 0.0,
             rotated: false,
             lips: Lips::default(),
-            was_whole: false,
+            was_closed: false,
+            was_opened: false,
             long_rows: false,
             largest_turn: 0.0,
             largest_fade: 0.0,
@@ -257,10 +260,13 @@ impl GpuTissue {
         if full {
             self.fades.clear();
             self.fades_seen = 0;
-            self.was_whole = is_whole(view);
+            self.was_closed = is_closed(view, 0..view.mesh.face_slots());
+            self.was_opened = false;
             self.make_room(view);
             self.lips.make_room(view.mesh.vertex_slots());
         }
+        let mut changed = clamped(&ranges.faces, view.mesh.face_slots() as u32);
+        self.was_opened = !view.rows.rows.arena().is_empty() && (self.was_opened || !changed.all(|faces| is_closed(view, faces)));
         self.upload_structure(arenas, view, ranges);
         if self.rest_bounds.grow(view, clamped(&ranges.vertices, view.rows.len() as u32), full) {
             self.posed = self.rest_bounds.posed(view);
@@ -500,7 +506,7 @@ impl GpuTissue {
                 | flag(fading, FADING)
                 | flag(self.rotated, ROTATED | DISPLACED)
                 | flag(!view.rows.rows.arena().is_empty(), WOUNDED)
-                | flag(self.was_whole && view.rows.rows.arena().is_empty(), WHOLE),
+                | flag(self.was_closed && !self.was_opened, WHOLE),
             time_high,
             time_low: if fading { (view.time_s - f64::from(time_high)) as f32 } else { 0.0 },
             fade_duration: view.fade_duration_s as f32,
@@ -510,10 +516,11 @@ impl GpuTissue {
     }
 }
 
-/// True for a model without edits and without a border.
-fn is_whole(view: &TissueView<'_>) -> bool {
+/// True if none of these faces (slots) has a border.
+fn is_closed(view: &TissueView<'_>, mut faces: Range<usize>) -> bool {
     let mesh = view.mesh;
-    view.rows.rows.arena().is_empty() && mesh.live_faces().all(|f| (0..3).all(|k| mesh.opposite(HalfEdge::of(f, k)).is_some()))
+    let has_border = |f: FaceId| (0..3).any(|k| mesh.opposite(HalfEdge::of(f, k)).is_none());
+    faces.all(|f| !mesh.is_live(FaceId::new(f)) || !has_border(FaceId::new(f)))
 }
 
 fn clamped(ranges: &[Range<usize>], len: u32) -> impl Iterator<Item = Range<usize>> + '_ {

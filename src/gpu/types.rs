@@ -95,7 +95,7 @@ pub const FADING: u32 = 4;
 pub const ROTATED: u32 = 8;
 /// Edits have inserted vertices: there may be lips of wounds.
 pub const WOUNDED: u32 = 16;
-/// Closed, and without a vertex that an edit inserted: what is seen from behind is a fold of its skin.
+/// Closed, and not by edits alone: what is seen from behind is a fold of its skin.
 pub const WHOLE: u32 = 32;
 
 gpu_struct!(

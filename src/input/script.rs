@@ -318,13 +318,20 @@ impl Script {
     /// Parses and checks a script. `origin` is the file it came from: it is named in errors, and paths in the script are
     /// relative to it.
     pub fn parse(text: &str, origin: &Path) -> Result<Self, ScriptError> {
-        super::script_text::parse(text, origin)
+        super::script_text::parse(text, origin, None)
     }
 
     /// Reads and parses a script.
     pub fn load(path: &Path) -> Result<Self, ScriptError> {
+        Self::load_for(path, None)
+    }
+
+    /// The same to play so many frames of, where given: they go before the script's.
+    pub fn load_for(path: &Path, frames: Option<u32>) -> Result<Self, ScriptError> {
         let unreadable = |source| ScriptError::Unreadable { path: path.display().to_string(), source };
-        Self::parse(&std::fs::read_to_string(path).map_err(unreadable)?, path)
+        let text = std::fs::read_to_string(path).map_err(unreadable)?;
+        let script = super::script_text::parse(&text, path, frames)?;
+        Ok(Self { frames: frames.or(script.frames), ..script })
     }
 
     /// A path in the script, relative to the script's folder.

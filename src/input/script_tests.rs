@@ -235,6 +235,15 @@ fn values_without_sense_are_errors_that_name_the_line() {
     load(&tear(&format!("{},\n{}", pose(0.0, "0"), pose(1.0, "1"))));
 }
 
+/// Frames that the command line gives bound a script whose last action ends later than any script may.
+#[test]
+fn frames_that_are_given_go_before_the_script_s() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(file.path(), "[[action]]\nkind = \"undo\"\nat = 20000").unwrap();
+    assert!(Script::load(file.path()).is_err());
+    assert_eq!(Script::load_for(file.path(), Some(5)).unwrap().total_frames(), 5);
+}
+
 #[test]
 fn planes_are_normalised_and_degenerate_ones_refused() {
     let far = CutPlane::new(DVec3::new(0.0, 0.0, 3e-200), 6e-200).unwrap();

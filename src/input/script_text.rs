@@ -142,17 +142,18 @@ fn line_of(text: &str, at: usize) -> usize {
     1 + text.as_bytes()[..at.min(text.len())].iter().filter(|b| **b == b'\n').count()
 }
 
-pub(super) fn parse(text: &str, origin: &Path) -> Result<Script, ScriptError> {
+/// Parses and checks a script; `frames`, if they are known, bound how late an action may end.
+pub(super) fn parse(text: &str, origin: &Path, frames: Option<u32>) -> Result<Script, ScriptError> {
     let name = || origin.display().to_string();
     let raw: RawScript = toml::from_str(text).map_err(|e| ScriptError::Parse { origin: name(), source: Box::new(e) })?;
-    check(raw, text, origin).map_err(|f| ScriptError::Invalid {
+    check(raw, (text, origin), frames).map_err(|f| ScriptError::Invalid {
         origin: name(),
         line: line_of(text, f.span.start),
         message: f.message,
     })
 }
 
-fn check(raw: RawScript, text: &str, origin: &Path) -> Checked<Script> {
+fn check(raw: RawScript, (text, origin): (&str, &Path), wanted: Option<u32>) -> Checked<Script> {
     let default = Script::default();
     let step = number("step", raw.step.as_ref(), |x| x > 1e-6 && x <= 1.0, "more than 1e-6 and at most 1 (seconds)")?;
     let speed = number("speed", raw.speed.as_ref(), |x| x >= 0.0, "0 or more")?;
@@ -164,7 +165,7 @@ fn check(raw: RawScript, text: &str, origin: &Path) -> Checked<Script> {
         let span = spanned.span();
         let action = action(spanned, line)?;
         let lasts = action.end() / step.unwrap_or(default.step);
-        if frames.is_none() && lasts > f64::from(Script::MOST_FRAMES) {
+        if frames.is_none() && wanted.is_none() && lasts > f64::from(Script::MOST_FRAMES) {
             let most = Script::MOST_FRAMES;
             return fault(
                 span,

@@ -172,9 +172,10 @@ impl Scene {
         &self.last_slits
     }
 
-    /// The animation to play, by index into the rig; `None` rests.
+    /// The animation to play, by index into the rig; `None` rests. Looks at a share of its poses: the table lies under all of them.
     pub fn set_animation(&mut self, animation: Option<usize>) {
         self.animation = animation;
+        self.place_table();
     }
 
     /// The animation that plays, by index into the rig.

@@ -112,6 +112,8 @@ pub(super) struct Rigid {
     settings: PieceSettings,
     /// Bounds of the model as it was loaded: what the table lies under.
     ground: (DVec3, DVec3),
+    /// Bounds of the model as it was loaded.
+    loaded: (DVec3, DVec3),
 }
 
 /// Longest step while rigid bodies touch or fall, s; longer ones are split, [`MOST_PARTS`] at most.
@@ -126,6 +128,9 @@ const MOST_OVERLAP: f64 = 0.02;
 const FOLLOWS: f64 = 0.01;
 /// The table lies this far under the model, in half diagonals: where the tray is drawn.
 const TABLE_GAP: f64 = 0.015;
+/// Times of an animation at which is looked how far down it goes, and vertices that are looked at, at most.
+const GROUND_TIMES: usize = 32;
+const GROUND_VERTICES: usize = 8192;
 
 impl Rigid {
     pub(super) fn new(tissue: &Tissue) -> Self {
@@ -141,6 +146,7 @@ impl Rigid {
             points: Vec::new(),
             parents: BTreeMap::new(),
             settings: PieceSettings::default(),
+            loaded: ground,
             ground,
         }
     }
@@ -216,13 +222,44 @@ impl Rigid {
     }
 }
 
+/// How high the table lies under something with these bounds.
+fn table_under((low, high): (DVec3, DVec3)) -> f64 {
+    low.y - TABLE_GAP * 0.5 * (high - low).length()
+}
+
+/// How far down a tissue goes in an animation, model space; infinite without one.
+fn lowest_in(tissue: &Tissue, animation: Option<usize>) -> f64 {
+    let Some(duration) = animation.and_then(|a| tissue.rig().animations.get(a)).map(|a| a.duration_s) else {
+        return f64::INFINITY;
+    };
+    let each = tissue.mesh().vertex_slots().div_ceil(GROUND_VERTICES).max(1);
+    let at = |k: usize| {
+        let pose = tissue.rig().pose_at(animation, duration * k as f64 / GROUND_TIMES as f64);
+        let heights = tissue.mesh().live_vertices().step_by(each).map(|v| tissue.to_model(pose.skin(tissue.rows(), v)).y);
+        heights.fold(f64::INFINITY, f64::min)
+    };
+    (0..GROUND_TIMES).map(at).fold(f64::INFINITY, f64::min)
+}
+
 impl Scene {
     /// How pieces behave from now on. They do not fall unless this says so.
     pub fn set_pieces(&mut self, settings: PieceSettings) {
         self.rigid.settings = settings;
-        let (low, high) = self.rigid.ground;
-        let table = low.y - TABLE_GAP * 0.5 * (high - low).length();
+        let table = table_under(self.rigid.ground);
         self.rigid.world.set_table(settings.fall.then_some(table));
+    }
+
+    /// The table, and with it the tray, lies under what the animation sends below that of the model at rest.
+    pub(super) fn place_table(&mut self) {
+        let (mut low, high) = self.rigid.loaded;
+        let lowest = self.tissues.values().map(|t| lowest_in(t, self.animation)).fold(f64::INFINITY, f64::min);
+        if lowest < table_under((low, high)) {
+            low.y = lowest;
+        }
+        if self.rigid.ground.0 != low {
+            self.rigid.ground.0 = low;
+            self.set_pieces(self.rigid.settings);
+        }
     }
 
     /// How much of weight and inertia the particles of every tissue feel.
@@ -230,7 +267,8 @@ impl Scene {
         self.tissues.values_mut().for_each(|t| t.set_body_forces(forces));
     }
 
-    /// Bounds of the model as it was loaded, model space: what the table and the tray lie under, wherever pieces roll.
+    /// Bounds of the model as it was loaded, model space: what the table and the tray lie under, wherever pieces roll. Down to where it goes
+    /// in the animation, if that is below the table of the model at rest.
     pub fn ground_bounds(&self) -> (DVec3, DVec3) {
         self.rigid.ground
     }
