@@ -87,6 +87,9 @@ const SKEWED: f64 = 0.9;
 /// The same, below which the strip is folded; what lies between is twisted.
 const FOLDED: f64 = -0.97;
 
+/// The same, below which a lip on its side of one triangle is taken to be on its side of the strip.
+const ASKEW: f64 = 0.7;
+
 /// Heights of lips over their strips at rest, as a share of the strip's size, that come from rounding.
 const ROUNDED: f64 = 1e-5;
 
@@ -297,8 +300,10 @@ impl StripGeometry {
         let squared = self.triangles.map(|t| distance_squared_to_triangle(at, t));
         let nearest = usize::from(squared[1] < squared[0]);
         let (own_height, extent) = (self.height(nearest, at).abs(), (self.high - self.low).length());
+        // the sides of one triangle tell nothing of the other where that one faces elsewhere
+        let is_askew = self.units[0].dot(self.units[1]) < ASKEW && plain.contains(&true);
         let by = [0, 1].map(|t| match self.height(t, at) {
-            _ if plain[t] => LipTest::Geometry,
+            _ if plain[t] || is_askew => LipTest::Geometry,
             _ if known.own && t == nearest => LipTest::OtherSide,
             height if height.abs() > 4.0 * own_height + 1e-9 * extent => LipTest::Geometry,
             height => LipTest::Mirrored(at - self.units[t] * (2.0 * height)),

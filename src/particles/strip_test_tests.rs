@@ -33,6 +33,21 @@ fn blades_that_meet_leave_a_strip_its_sides() {
     }
 }
 
+/// A blade that moves sideways at its tip, as it is carried to rest: the lower triangle is a needle that stands across the upper. A lip beside
+/// the upper end is on its side of the strip, whatever the side of that needle's plane; it lost what lies behind it along the cut.
+#[test]
+fn a_lip_of_a_twisted_strip_keeps_what_lies_behind_it() {
+    let p = |x, y, z| DVec3::new(x, y, z);
+    let strip =
+        StripGeometry::new([p(-0.54, 21.3, 25.97), p(-0.33, 21.38, 25.92), p(-0.33, 35.83, 31.15), p(-0.54, 35.42, 30.32)], 13.9);
+    let [plus, minus] = [(p(-0.822, 33.269, 30.415), 1), (p(0.09, 33.61, 30.01), -1)].map(|(at, side)| lip(at, side));
+    assert!(!strip.crosses_link([plus, point(p(-2.106, 31.771, 27.888))]), "behind it on its side");
+    assert!(!strip.crosses_link([plus, point(p(-0.41, 33.94, 32.0))]), "before it on its side");
+    for other in [minus, point(p(0.3, 33.3, 29.8))] {
+        assert!(strip.crosses_link([plus, other]), "on the other side");
+    }
+}
+
 /// Tissue bent about a point near the end of the blade: at rest one end went back, or all but stood, a little out of the plane.
 #[test]
 fn a_folded_strip_has_the_same_sides_everywhere() {
