@@ -80,6 +80,14 @@ pub(in crate::tissue) struct Swath<'a, S> {
 /// A vertex of the skin that the cut has made, and where it lies on the blade's way.
 type CutLip<'a> = (&'a NewVertex, f64);
 
+/// A vertex of the skin on a blade, where it is seen, and how far up the blade, metres.
+#[derive(Clone, Copy)]
+struct OnBlade {
+    vertex: VertexId,
+    at: DVec3,
+    height: f64,
+}
+
 /// How the vertex nearest to one end of a strip carries points to rest.
 struct EndFrame<F> {
     /// Where the vertex is seen.
@@ -154,21 +162,27 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
     /// frame holds near it, and the next strip may have another.
     pub(in crate::tissue) fn rest_edge(&self, [tip, top]: [DVec3; 2]) -> [DVec3; 2] {
         let tissue = self.tissue;
-        let near = || self.near.iter().copied().filter(|v| tissue.mesh.vertex_is_live(*v));
         let up = (top - tip).normalize_or_zero();
-        let height = |v: VertexId| (self.seen(v) - tip).dot(up);
-        let highest = near().map(height).fold(0.0, f64::max);
+        let near = || self.near.iter().filter(|v| tissue.mesh.vertex_is_live(**v)).map(|&v| (v, self.seen(v)));
+        let highest = near().map(|(_, at)| (at - tip).dot(up)).fold(0.0, f64::max);
         let length = if highest > 0.0 { (top - tip).length().min(2.0 * highest) } else { (top - tip).length() };
         let top = tip + length * up;
-        let off = |v: VertexId| self.seen(v).distance(tip + height(v).clamp(0.0, length) * up);
         // what is on the blade is farther up, or down, than what is beside it where the skin leans
-        let end = |way: f64| {
-            let on_blade =
-                near().map(|v| (v, off(v))).filter(|(v, off)| *off <= ON_BLADE * self.half_width && is_skin(tissue, *v));
-            let far = on_blade.map(|(v, off)| (way * height(v) - OFF_BLADE * off, v));
-            far.max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(&a.1))).map(|(_, v)| v)
-        };
-        let Some((low, high)) = end(-1.0).zip(end(1.0)) else {
+        let mut ends: [Option<(f64, OnBlade)>; 2] = [None; 2];
+        for (vertex, at) in near() {
+            let height = (at - tip).dot(up);
+            let off = at.distance(tip + height.clamp(0.0, length) * up);
+            if off > ON_BLADE * self.half_width || !is_skin(tissue, vertex) {
+                continue;
+            }
+            for (way, end) in [-1.0, 1.0].into_iter().zip(&mut ends) {
+                let far = way * height - OFF_BLADE * off;
+                if end.is_none_or(|best| far > best.0) {
+                    *end = Some((far, OnBlade { vertex, at, height }));
+                }
+            }
+        }
+        let [Some((_, low)), Some((_, high))] = ends else {
             let seen = |v| self.seen(v);
             return match nearest_of(tissue, self.near, top, &seen).or_else(|| nearest_vertex(tissue, self.candidates, top, &seen))
             {
@@ -176,12 +190,12 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
                 None => [tip, top],
             };
         };
-        let [from, to] = [low, high].map(height);
-        if to - from < BETWEEN_FRAMES * length {
-            return [tip, top].map(tissue.rest_frame(high, self.seen(high)));
+        let between = high.height - low.height;
+        if between < BETWEEN_FRAMES * length {
+            return [tip, top].map(tissue.rest_frame(high.vertex, high.at));
         }
-        let [low, high] = [(low, from), (high, to)].map(|(v, height)| tissue.rest_frame(v, self.seen(v))(tip + height * up));
-        [0.0, length].map(|at| low.lerp(high, (at - from) / (to - from)))
+        let [from, to] = [low, high].map(|on| tissue.rest_frame(on.vertex, on.at)(tip + on.height * up));
+        [0.0, length].map(|at| from.lerp(to, (at - low.height) / between))
     }
 
     /// The strip between two blades, and where it ends at rest: in two parts, or the part that there is of it, where the blade crossed
