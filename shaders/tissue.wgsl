@@ -92,14 +92,19 @@ fn is_between_lips(t: u32, face: u32) -> bool {
     return has_lip || width_of(t, face) * tissues[t].detail_scale > LIP_WIDTH;
 }
 
+// Distance of corner `k` of a face with these corners from its edge `i`, in diagonals.
+fn from_edge(t: u32, p: array<vec3f, 3>, i: u32, k: u32) -> f32 {
+    let doubled_area = length(cross(p[1] - p[0], p[2] - p[0]));
+    let height = doubled_area / max(distance(p[i], p[(i + 1u) % 3u]), 1e-30) * tissues[t].detail_scale;
+    return select(0.0, height, k == (i + 2u) % 3u);
+}
+
 // Distances of corner `k` of a face from its edges, in diagonals; from those that are no lip OFF_LIP.
 fn from_edges(t: u32, face: u32, k: u32) -> vec3f {
     let p = corners_of(t, face);
-    let doubled_area = length(cross(p[1] - p[0], p[2] - p[0]));
     var away: array<f32, 3>;
     for (var i = 0u; i < 3u; i++) {
-        let height = doubled_area / max(distance(p[i], p[(i + 1u) % 3u]), 1e-30) * tissues[t].detail_scale;
-        away[i] = select(OFF_LIP, select(0.0, height, k == (i + 2u) % 3u), ends_skin(t, faces[face].opposites[i]));
+        away[i] = select(OFF_LIP, from_edge(t, p, i, k), ends_skin(t, faces[face].opposites[i]));
     }
     return vec3f(away[0], away[1], away[2]);
 }
@@ -127,14 +132,12 @@ fn lip_value(t: u32, face: u32, k: u32) -> f32 {
 // diagonals.
 fn from_lips(t: u32, face: u32, k: u32) -> vec3f {
     let p = corners_of(t, face);
-    let doubled_area = length(cross(p[1] - p[0], p[2] - p[0]));
     var away = array<f32, 3>(OFF_LIP, OFF_LIP, OFF_LIP);
     var ends = array<bool, 3>(false, false, false);
     var count = 0u;
     for (var i = 0u; i < 3u; i++) {
         if (!ends_skin(t, faces[face].opposites[i])) {
-            let height = doubled_area / max(distance(p[i], p[(i + 1u) % 3u]), 1e-30) * tissues[t].detail_scale;
-            away[count] = select(0.0, height, k == (i + 2u) % 3u);
+            away[count] = from_edge(t, p, i, k);
             ends[i] = true;
             ends[(i + 1u) % 3u] = true;
             count += 1u;

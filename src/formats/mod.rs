@@ -39,11 +39,17 @@ pub use procedural::{NAMES as BUNDLED, generate};
 use crate::geometry::Mesh;
 use crate::rig::{Rig, VertexRows};
 use glam::DVec3;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// The bytes of a text without the mark of UTF-8 that some programs begin one with.
 fn without_mark(bytes: &[u8]) -> &[u8] {
     bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)
+}
+
+/// The text that they are.
+fn text_of(bytes: &[u8]) -> Cow<'_, str> {
+    String::from_utf8_lossy(without_mark(bytes))
 }
 
 /// A model as loaded: everything a tissue is made from.

@@ -24,7 +24,7 @@ pub(crate) fn read(bytes: &[u8], folder: Option<&Path>) -> Result<ObjFile, Forma
     if bytes.trim_ascii().is_empty() {
         return Err(FormatError::Empty);
     }
-    let text = String::from_utf8_lossy(super::without_mark(bytes));
+    let text = super::text_of(bytes);
     let mut reader = Reader { folder, materials: vec![Material::default()], ..Reader::default() };
     reader.stored.indices_decide = text.lines().take(8).any(|line| line.trim_end() == TOPOLOGY_COMMENT);
     let mut continued = String::new();
@@ -192,7 +192,7 @@ impl Reader<'_> {
         let Some(folder) = self.folder else { return };
         match super::read_named(&folder.join(name)) {
             Ok(bytes) => {
-                let found = mtl::read(&String::from_utf8_lossy(super::without_mark(&bytes)), folder, &mut self.warnings);
+                let found = mtl::read(&super::text_of(&bytes), folder, &mut self.warnings);
                 for material in found {
                     self.unknown_materials.retain(|n| *n != material.name);
                     match self.materials.iter_mut().find(|m| m.name == material.name) {

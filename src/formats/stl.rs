@@ -51,7 +51,7 @@ fn read_binary(bytes: &[u8], stored: &mut Stored) -> Result<(), FormatError> {
 
 /// Reads the vertices of all loops of all solids. Normals are computed, so those of the file do not matter.
 fn read_text(bytes: &[u8], stored: &mut Stored) -> Result<(), FormatError> {
-    let text = String::from_utf8_lossy(super::without_mark(bytes));
+    let text = super::text_of(bytes);
     let mut corners = Vec::with_capacity(3);
     let mut ended = false;
     let last = text.lines().count();

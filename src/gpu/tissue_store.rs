@@ -264,9 +264,11 @@ impl GpuTissue {
             self.was_opened = false;
             self.make_room(view);
             self.lips.make_room(view.mesh.vertex_slots());
+        } else {
+            let mut changed = clamped(&ranges.faces, view.mesh.face_slots() as u32);
+            self.was_opened =
+                !view.rows.rows.arena().is_empty() && (self.was_opened || !changed.all(|faces| is_closed(view, faces)));
         }
-        let mut changed = clamped(&ranges.faces, view.mesh.face_slots() as u32);
-        self.was_opened = !view.rows.rows.arena().is_empty() && (self.was_opened || !changed.all(|faces| is_closed(view, faces)));
         self.upload_structure(arenas, view, ranges);
         if self.rest_bounds.grow(view, clamped(&ranges.vertices, view.rows.len() as u32), full) {
             self.posed = self.rest_bounds.posed(view);

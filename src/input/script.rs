@@ -330,8 +330,7 @@ impl Script {
     pub fn load_for(path: &Path, frames: Option<u32>) -> Result<Self, ScriptError> {
         let unreadable = |source| ScriptError::Unreadable { path: path.display().to_string(), source };
         let text = std::fs::read_to_string(path).map_err(unreadable)?;
-        let script = super::script_text::parse(&text, path, frames)?;
-        Ok(Self { frames: frames.or(script.frames), ..script })
+        super::script_text::parse(&text, path, frames)
     }
 
     /// A path in the script, relative to the script's folder.

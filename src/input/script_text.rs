@@ -142,7 +142,7 @@ fn line_of(text: &str, at: usize) -> usize {
     1 + text.as_bytes()[..at.min(text.len())].iter().filter(|b| **b == b'\n').count()
 }
 
-/// Parses and checks a script; `frames`, if they are known, bound how late an action may end.
+/// Parses and checks a script; `frames`, where given, go before its own.
 pub(super) fn parse(text: &str, origin: &Path, frames: Option<u32>) -> Result<Script, ScriptError> {
     let name = || origin.display().to_string();
     let raw: RawScript = toml::from_str(text).map_err(|e| ScriptError::Parse { origin: name(), source: Box::new(e) })?;
@@ -157,7 +157,8 @@ fn check(raw: RawScript, (text, origin): (&str, &Path), wanted: Option<u32>) -> 
     let default = Script::default();
     let step = number("step", raw.step.as_ref(), |x| x > 1e-6 && x <= 1.0, "more than 1e-6 and at most 1 (seconds)")?;
     let speed = number("speed", raw.speed.as_ref(), |x| x >= 0.0, "0 or more")?;
-    let frames = integer("frames", raw.frames.as_ref(), 1, i64::from(Script::MOST_FRAMES))?;
+    let own_frames = integer("frames", raw.frames.as_ref(), 1, i64::from(Script::MOST_FRAMES))?;
+    let frames = wanted.or(own_frames.map(|n| n as u32));
     let seed = integer("seed", raw.seed.as_ref(), 0, i64::MAX)?;
     let mut actions = Vec::with_capacity(raw.actions.len());
     for spanned in raw.actions {
@@ -165,7 +166,7 @@ fn check(raw: RawScript, (text, origin): (&str, &Path), wanted: Option<u32>) -> 
         let span = spanned.span();
         let action = action(spanned, line)?;
         let lasts = action.end() / step.unwrap_or(default.step);
-        if frames.is_none() && wanted.is_none() && lasts > f64::from(Script::MOST_FRAMES) {
+        if frames.is_none() && lasts > f64::from(Script::MOST_FRAMES) {
             let most = Script::MOST_FRAMES;
             return fault(
                 span,
@@ -180,7 +181,7 @@ fn check(raw: RawScript, (text, origin): (&str, &Path), wanted: Option<u32>) -> 
         animation: raw.animation,
         speed: speed.unwrap_or(default.speed),
         step: step.unwrap_or(default.step),
-        frames: frames.map(|n| n as u32),
+        frames,
         seed: seed.map_or(default.seed, |n| n as u64),
         camera: camera(&raw.camera)?,
         particles: particles(&raw.particles)?,

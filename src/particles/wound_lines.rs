@@ -78,7 +78,7 @@ impl Strips {
     }
 
     /// [`Strips::push`] of a strip whose place on a wound's line is known. `on.wound` is at most [`Strips::next_wound`], or it runs beside.
-    pub fn push_strip(&mut self, corners: [DVec3; 4], reach: f64, slit: u32, on: OnLine) -> Result<usize, StripError> {
+    pub(crate) fn push_strip(&mut self, corners: [DVec3; 4], reach: f64, slit: u32, on: OnLine) -> Result<usize, StripError> {
         let numbers = corners.iter().chain(&on.skin).flat_map(|c| c.to_array()).chain([reach, on.place, on.length]);
         if !numbers.into_iter().all(f64::is_finite) || reach < 0.0 {
             return Err(StripError::NotFinite);

@@ -165,7 +165,8 @@ impl<S: Fn(VertexId) -> DVec3> Swath<'_, S> {
         let up = (top - tip).normalize_or_zero();
         let near = || self.near.iter().filter(|v| tissue.mesh.vertex_is_live(**v)).map(|&v| (v, self.seen(v)));
         let highest = near().map(|(_, at)| (at - tip).dot(up)).fold(0.0, f64::max);
-        let length = if highest > 0.0 { (top - tip).length().min(2.0 * highest) } else { (top - tip).length() };
+        let most = if highest > 0.0 { 2.0 * highest } else { f64::INFINITY };
+        let length = (top - tip).length().min(most);
         let top = tip + length * up;
         // what is on the blade is farther up, or down, than what is beside it where the skin leans
         let mut ends: [Option<(f64, OnBlade)>; 2] = [None; 2];
