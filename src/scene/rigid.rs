@@ -110,10 +110,10 @@ pub(super) struct Rigid {
     /// For each piece that came off: what it came off, and whether that was loose already.
     parents: BTreeMap<TissueId, (TissueId, bool)>,
     settings: PieceSettings,
-    /// Bounds of the model as it was loaded: what the table lies under.
+    /// Bounds of the model as it was loaded, down to where it goes in the animation: what the table lies under.
     ground: (DVec3, DVec3),
-    /// Bounds of the model as it was loaded.
-    loaded: (DVec3, DVec3),
+    /// How far down they go as it was loaded.
+    lowest_at_rest: f64,
 }
 
 /// Longest step while rigid bodies touch or fall, s; longer ones are split, [`MOST_PARTS`] at most.
@@ -146,7 +146,7 @@ impl Rigid {
             points: Vec::new(),
             parents: BTreeMap::new(),
             settings: PieceSettings::default(),
-            loaded: ground,
+            lowest_at_rest: ground.0.y,
             ground,
         }
     }
@@ -251,11 +251,12 @@ impl Scene {
 
     /// The table, and with it the tray, lies under what the animation sends below that of the model at rest.
     pub(super) fn place_table(&mut self) {
-        let (mut low, high) = self.rigid.loaded;
-        let lowest = self.tissues.values().map(|t| lowest_in(t, self.animation)).fold(f64::INFINITY, f64::min);
-        if lowest < table_under((low, high)) {
-            low.y = lowest;
-        }
+        let (low, high) = self.rigid.ground;
+        let at_rest = (low.with_y(self.rigid.lowest_at_rest), high);
+        // what lies on the table does not let it down
+        let stand = self.tissues.iter().filter(|(id, _)| !self.rigid.loose.contains_key(id));
+        let lowest = stand.map(|(_, t)| lowest_in(t, self.animation)).fold(f64::INFINITY, f64::min);
+        let low = if lowest < table_under(at_rest) { low.with_y(lowest) } else { at_rest.0 };
         if self.rigid.ground.0 != low {
             self.rigid.ground.0 = low;
             self.set_pieces(self.rigid.settings);
