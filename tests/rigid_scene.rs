@@ -2,6 +2,8 @@
 //! (MATHS 4.4, 6, 7).
 
 mod common;
+#[path = "rigid_scene/table.rs"]
+mod table;
 
 use common::models::scene;
 use glam::{DQuat, DVec3};
@@ -42,26 +44,6 @@ fn cut(normal: DVec3, offset: f64) -> EditCommand {
 
 fn loose_ids(scene: &Scene) -> Vec<TissueId> {
     scene.tissues().map(|(id, _)| id).filter(|id| scene.is_loose(*id)).collect()
-}
-
-/// The table lies under a model in all poses of its animation, and where it did once that is off.
-#[test]
-fn the_table_lies_under_an_animation() {
-    let (mut scene, _) = scene("beam", 2_816);
-    let id = scene.tissues().next().unwrap().0;
-    let at_rest = scene.ground_bounds();
-    scene.set_animation(Some(0));
-    let (low, high) = scene.ground_bounds();
-    assert!(low.y < at_rest.0.y - 0.05 && low.with_y(at_rest.0.y) == at_rest.0 && high == at_rest.1, "{low} {at_rest:?}");
-    let mut lowest = f64::INFINITY;
-    for k in 0..100 {
-        scene.pose(0.01 * f64::from(k), 0.02 * f64::from(k));
-        lowest = lowest.min(bounds(&scene, id).0.y);
-    }
-    // between two of the times that are looked at it may go a little lower: the table is lower than that by as much
-    assert!((low.y - lowest).abs() < 0.015 * 0.5 * (high - low).length(), "{} {lowest}", low.y);
-    scene.set_animation(None);
-    assert_eq!(scene.ground_bounds(), at_rest);
 }
 
 #[test]
