@@ -128,9 +128,10 @@ const MOST_OVERLAP: f64 = 0.02;
 const FOLLOWS: f64 = 0.01;
 /// The table lies this far under the model, in half diagonals: where the tray is drawn.
 const TABLE_GAP: f64 = 0.015;
-/// Times of an animation at which is looked how far down it goes, and vertices that are looked at, at most.
+/// Times of an animation at which is looked how far down it goes, and vertices that are looked at, at most, at each of them, and where
+/// those go lowest.
 const GROUND_TIMES: usize = 32;
-const GROUND_VERTICES: usize = 8192;
+const GROUND_VERTICES: [usize; 2] = [512, 8192];
 
 impl Rigid {
     pub(super) fn new(tissue: &Tissue) -> Self {
@@ -232,13 +233,14 @@ fn lowest_in(tissue: &Tissue, animation: Option<usize>) -> f64 {
     let Some(duration) = animation.and_then(|a| tissue.rig().animations.get(a)).map(|a| a.duration_s) else {
         return f64::INFINITY;
     };
-    let each = tissue.mesh().vertex_slots().div_ceil(GROUND_VERTICES).max(1);
-    let at = |k: usize| {
+    let [few, more] = GROUND_VERTICES.map(|most| tissue.mesh().vertex_slots().div_ceil(most).max(1));
+    let lowest_at = |k: usize, each: usize| {
         let pose = tissue.rig().pose_at(animation, duration * k as f64 / GROUND_TIMES as f64);
         let heights = tissue.mesh().live_vertices().step_by(each).map(|v| tissue.to_model(pose.skin(tissue.rows(), v)).y);
         heights.fold(f64::INFINITY, f64::min)
     };
-    (0..GROUND_TIMES).map(at).fold(f64::INFINITY, f64::min)
+    let low = (0..GROUND_TIMES).map(|k| (lowest_at(k, few), k)).min_by(|a, b| a.0.total_cmp(&b.0));
+    low.map_or(f64::INFINITY, |(low, k)| if more < few { low.min(lowest_at(k, more)) } else { low })
 }
 
 impl Scene {
