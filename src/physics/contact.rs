@@ -58,6 +58,8 @@ pub struct Contacts {
     before: Vec<Option<DVec3>>,
     frame_before: RigidPose,
     is_held: Vec<bool>,
+    /// Pairs that have parted in this step.
+    let_go: Vec<(u32, BodyId)>,
     /// Start, end (world) and outward normal of every live particle's way through the step, and the box around them.
     ways: Vec<Option<(DVec3, DVec3, DVec3)>>,
     bounds: (DVec3, DVec3),
@@ -149,7 +151,8 @@ impl Contacts {
         h: f64,
         grabbed: &impl Fn(ParticleId) -> bool,
     ) {
-        let is_held = &mut self.is_held;
+        let Self { is_held, let_go, .. } = self;
+        let_go.clear();
         self.held.retain_mut(|contact| {
             let (index, particle) = (contact.particle as usize, ParticleId(contact.particle));
             let anchor = skin.anchors.get(index).copied().flatten().filter(|_| index < is_held.len() && !grabbed(particle));
@@ -165,15 +168,16 @@ impl Contacts {
             let (_, out) = gap(&body.solid, contact.local, normal, skin.radius);
             let push = force.dot(out);
             if push <= 0.0 {
+                let_go.push((contact.particle, contact.body));
                 return false;
             }
             let along = force - push * out;
             let (pull, bears) = (along.length(), FRICTION * push);
             if pull > SLIP * bears && stiffness > 0.0 {
                 // Towards where the springs would have it: against the force that holds it.
-                let way = (SLIDE * (pull - bears) / stiffness).min(0.5 * skin.radius);
-                contact.local -= along / pull * way;
-                contact.local = pushed_out(&body.solid, contact.local, normal, skin.radius, true);
+                let way = along / pull * -(SLIDE * (pull - bears) / stiffness).min(0.5 * skin.radius);
+                let to = slid(&body.solid, contact.local, way, (normal, out), skin.radius);
+                contact.local = pushed_out(&body.solid, to, normal, skin.radius, true);
             }
             is_held[index] = true;
             true
@@ -217,6 +221,10 @@ impl Contacts {
                 continue;
             }
             self.visited += 1;
+            // what is pulled off goes where it is pulled first: by its last motion alone it may seem to come on, for ever
+            if self.let_go.contains(&(index as u32, id)) {
+                continue;
+            }
             let normal = body.now.direction_in(normal);
             let way = Way { from: body.before.point_in(start), to: body.now.point_in(end), normal };
             if body.is_loose() && self.is_born_inside(body, id, index as u32, &way, radius) {
@@ -238,7 +246,7 @@ impl Contacts {
             let way = skin.anchors[index].zip(self.before[index]).map(|(anchor, before)| {
                 let u = network.displacement(particle);
                 let start = self.frame_before.point(before + u);
-                let end = frame.point(anchor + u + network.velocity(particle) * h);
+                let end = frame.point(anchor + u + network.way(particle, h));
                 self.bounds = (self.bounds.0.min(start).min(end), self.bounds.1.max(start).max(end));
                 (start, end, frame.direction(skin.normals[index]))
             });
@@ -322,11 +330,26 @@ fn is_crumb(body: &Body, radius: f64) -> bool {
 /// How far a skin point with its collider sphere is from a solid, negative inside, and the way out. All in the solid's frame.
 fn gap(solid: &Solid, point: DVec3, normal: DVec3, radius: f64) -> (f64, DVec3) {
     let bare = solid.distance(point);
-    if normal == DVec3::ZERO {
-        return bare;
-    }
+    sphere_gap(solid, point, normal, radius).filter(|gap| gap.0 < bare.0).unwrap_or(bare)
+}
+
+/// The same of the collider sphere alone; `None` where it does not count.
+fn sphere_gap(solid: &Solid, point: DVec3, normal: DVec3, radius: f64) -> Option<(f64, DVec3)> {
     let (distance, out) = solid.distance(point - normal * radius);
-    if out.dot(normal) < FACING && distance - radius < bare.0 { (distance - radius, out) } else { bare }
+    (out.dot(normal) < FACING).then_some((distance - radius, out))
+}
+
+/// Where a skin point that a solid holds comes to that slides by `way`; `out` is the way out of the solid there. A point that its collider
+/// sphere keeps off the solid goes along the line beyond which the sphere counts no more, not over it: it would fall onto the solid by the
+/// sphere's radius, come under it again and go to and fro for ever.
+fn slid(solid: &Solid, from: DVec3, way: DVec3, (normal, out): (DVec3, DVec3), radius: f64) -> DVec3 {
+    let counts = |point: DVec3| sphere_gap(solid, point, normal, radius).is_some();
+    if !counts(from) || counts(from + way) {
+        return from + way;
+    }
+    let over = normal.reject_from(out).normalize_or_zero();
+    let along = from + way - over * way.dot(over);
+    if counts(along) { along } else { from }
 }
 
 /// The point brought to the surface: out of the solid, and with `onto` also back to it.

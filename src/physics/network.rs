@@ -10,6 +10,7 @@ use super::topology::NetworkTopology;
 use crate::geometry::room::headroom;
 use crate::geometry::{ParticleId, StateHash, Turn};
 use glam::DVec3;
+use std::f64::consts::PI;
 
 /// Largest magnitude of any input (metres, m/s or N); beyond it, like NaN, an input is refused and counted.
 pub const INPUT_LIMIT: f64 = 1e12;
@@ -17,6 +18,8 @@ pub const INPUT_LIMIT: f64 = 1e12;
 const SPRINGS: usize = 256;
 /// Rest threshold relative to the length given to [`Network::set_length`].
 pub const REST_THRESHOLD: f64 = 1e-6;
+/// What a tool moves by less than this in a step, relative to the same length, stands still: places that come out of several frames round.
+pub(super) const STILL: f64 = 1e-10;
 
 /// A particle held by a tool: it moves linearly from where it is to `target` over the next step and stays there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -266,6 +269,14 @@ impl Network {
         self.row_of.get(particle.0 as usize).map_or(DVec3::ZERO, |row| unpadded(&self.v[*row as usize]))
     }
 
+    /// How far its velocity takes a particle in `h` seconds, metres: less than straight on, as its springs turn it round. None of it is left
+    /// after half a swing (all others held, where `sin(x) / x` is drawn as the parabola with its zero).
+    pub fn way(&self, particle: ParticleId, h: f64) -> DVec3 {
+        let Some(row) = self.row_of.get(particle.0 as usize).map(|row| *row as usize) else { return DVec3::ZERO };
+        let swung = self.matrix.diagonal(row) * h * h / (PI * PI);
+        unpadded(&self.v[row]) * (h * (1.0 - swung).max(0.0))
+    }
+
     /// Rest displacement `u0` of one particle, metres.
     pub fn rest_displacement(&self, particle: ParticleId) -> DVec3 {
         self.row_of.get(particle.0 as usize).map_or(DVec3::ZERO, |row| unpadded(&self.rest[*row as usize]))
@@ -361,7 +372,8 @@ impl Network {
                 continue;
             }
             self.grabs.push(Grab { row: row as u32, target: padded(*target) });
-            if DVec3::from(self.displacement[particle.0 as usize]) != *target || self.v[row] != [0.0; 4] {
+            let moves = DVec3::from(self.displacement[particle.0 as usize]).distance(*target) > STILL * self.length;
+            if moves || self.v[row] != [0.0; 4] {
                 self.activity.disturb(row as u32);
             }
         }

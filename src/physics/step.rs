@@ -6,7 +6,7 @@
 
 use super::implicit::{self, ImplicitInput, ImplicitScratch};
 use super::matrix::{Lanes, Pair, add_scaled, fused, fused_blend, minus};
-use super::network::{INPUT_LIMIT, Network, REST_THRESHOLD, unpadded};
+use super::network::{INPUT_LIMIT, Network, REST_THRESHOLD, STILL, unpadded};
 use super::propagator::Propagator;
 use super::series::{Series, SeriesKey};
 use std::ops::Range;
@@ -391,7 +391,9 @@ impl Network {
     fn commit_prescribed(&mut self, h: f64) {
         for grab in &self.grabs {
             let row = grab.row as usize;
-            self.v[row] = minus(&grab.target, &self.u(row)).map(|x| x / h);
+            let way = minus(&grab.target, &self.u(row));
+            let moves = way.iter().any(|x| x.abs() > STILL * self.length);
+            self.v[row] = if moves { way.map(|x| x / h) } else { [0.0; 4] };
             self.displacement[self.order[row] as usize] = unpadded(&grab.target).into();
         }
         for row in self.moved.drain(..).map(|row| row as usize) {

@@ -333,7 +333,8 @@ impl Scene {
             let Some(from) = world.pose(collider.body) else { continue };
             let share = 1.0 / left as f64;
             let to = &collider.target;
-            let way = if left == 1 {
+            // one that rests rests exactly: a way to where it is, shared out, rounds
+            let way = if left == 1 || from == *to {
                 *to
             } else {
                 RigidPose {
