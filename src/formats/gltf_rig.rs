@@ -38,6 +38,7 @@ pub(crate) fn read(document: &Document, warnings: &mut Vec<String>) -> Result<Im
             add_tree(root, top, &mut out)?;
         }
     }
+    out.file_node.iter().for_each(|&node| warn_of_transform(&root.nodes[node as usize], warnings));
     for (index, skin) in root.skins.iter().enumerate() {
         add_skin(document, index, skin, &mut out)?;
     }
@@ -113,6 +114,17 @@ fn add_tree(root: &json::Root, top: usize, out: &mut ImportedRig) -> Result<(), 
         stack.extend(node.children.iter().flatten().rev().map(|c| (c.value(), Some(id))));
     }
     Ok(())
+}
+
+/// What a node asks for that no affine transform gives.
+fn warn_of_transform(node: &json::Node, warnings: &mut Vec<String>) {
+    let is_affine = |m: [f32; 16]| [3, 7, 11, 15].map(|k| m[k]) == [0.0, 0.0, 0.0, 1.0];
+    if node.matrix.is_some_and(|m| !is_affine(m)) {
+        warn_once(warnings, "the last row of a node's matrix is not 0 0 0 1, and taken as that");
+    }
+    if node.rotation.is_some_and(|q| q.0 == [0.0; 4]) {
+        warn_once(warnings, "a node's rotation is a quaternion of zeros, and taken as none");
+    }
 }
 
 fn local_transform(node: &json::Node) -> LocalTransform {

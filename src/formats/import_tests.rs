@@ -496,3 +496,16 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn transforms_that_are_none_are_told_of() {
+    let with = |key: &str, value: serde_json::Value| {
+        let bytes = edit_json(&glb_writer::write(&scene(vec![cube([0.0; 3])])).unwrap(), |root| root["nodes"][0][key] = value);
+        read(&bytes).unwrap().report.warnings
+    };
+    let mut matrix = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+    assert!(with("matrix", serde_json::json!(matrix)).is_empty() && with("rotation", serde_json::json!([0, 0, 0, 1])).is_empty());
+    matrix[11] = 1;
+    assert!(with("matrix", serde_json::json!(matrix))[0].contains("0 0 0 1"));
+    assert!(with("rotation", serde_json::json!([0, 0, 0, 0]))[0].contains("zeros"));
+}
