@@ -2,14 +2,10 @@
 
 mod common;
 
-use common::models::{model, settings};
+use common::models::{model, users_scene_with};
 use glam::DVec3;
-use incise::geometry::VertexId;
-use incise::particles::ParticleSettings;
 use incise::physics::{NetworkSettings, RigidPose, RigidShape};
-use incise::scene::{EditCommand, Scene, SceneSettings};
-use incise::surgery::SamplingSettings;
-use incise::tissue::{Tissue, TissueSettings};
+use incise::scene::{EditCommand, Scene};
 
 /// Seconds until what is pressed has to sleep.
 const SETTLED_S: f64 = 20.0;
@@ -48,12 +44,8 @@ impl Press {
     }
 
     fn scene(&self) -> Scene {
-        let model = model(self.model, if self.model == "sphere" { 768 } else { 3_000 });
-        let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
-        let particles = Some(ParticleSettings::for_count(&model.mesh, &rest, 200));
-        let settings = TissueSettings { particles, network: self.network, ..settings(&model) };
-        let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
-        Scene::new(Tissue::new(model, &settings).unwrap(), tools)
+        let faces = if self.model == "sphere" { 768 } else { 3_000 };
+        users_scene_with(model(self.model, faces), self.network, 0.1)
     }
 
     /// Presses, waits, and gives how many particles are awake at the end and how many are held.

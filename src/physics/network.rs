@@ -19,7 +19,7 @@ const SPRINGS: usize = 256;
 /// Rest threshold relative to the length given to [`Network::set_length`].
 pub const REST_THRESHOLD: f64 = 1e-6;
 /// What a tool moves by less than this in a step, relative to the same length, stands still: places that come out of several frames round.
-pub(super) const STILL: f64 = 1e-10;
+const STILL: f64 = 1e-10;
 
 /// A particle held by a tool: it moves linearly from where it is to `target` over the next step and stays there.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -271,7 +271,7 @@ impl Network {
 
     /// How far its velocity takes a particle in `h` seconds, metres: less than straight on, as its springs turn it round. None of it is left
     /// after half a swing (all others held, where `sin(x) / x` is drawn as the parabola with its zero).
-    pub fn way(&self, particle: ParticleId, h: f64) -> DVec3 {
+    pub(super) fn way(&self, particle: ParticleId, h: f64) -> DVec3 {
         let Some(row) = self.row_of.get(particle.0 as usize).map(|row| *row as usize) else { return DVec3::ZERO };
         let swung = self.matrix.diagonal(row) * h * h / (PI * PI);
         unpadded(&self.v[row]) * (h * (1.0 - swung).max(0.0))
@@ -372,8 +372,8 @@ impl Network {
                 continue;
             }
             self.grabs.push(Grab { row: row as u32, target: padded(*target) });
-            let moves = DVec3::from(self.displacement[particle.0 as usize]).distance(*target) > STILL * self.length;
-            if moves || self.v[row] != [0.0; 4] {
+            let way = *target - DVec3::from(self.displacement[particle.0 as usize]);
+            if self.is_motion(way) || self.v[row] != [0.0; 4] {
                 self.activity.disturb(row as u32);
             }
         }
@@ -384,6 +384,11 @@ impl Network {
             }
         }
         self.released.clear();
+    }
+
+    /// True if what a tool moves so far in a step is moved, and not only rounded.
+    pub(super) fn is_motion(&self, way: DVec3) -> bool {
+        way.length() > STILL * self.length
     }
 
     /// What holds a particle where it is: the force (N) that a hand must exert on it against springs, damping at `velocity`

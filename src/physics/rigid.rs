@@ -31,6 +31,15 @@ impl RigidPose {
         self.rotation == DQuat::IDENTITY
     }
 
+    /// A share of the way to `to`. All of it ends exactly there, and one that leads nowhere stays exactly where it is: shared out, it would
+    /// round.
+    pub fn toward(&self, to: &Self, share: f64) -> Self {
+        if share >= 1.0 || self == to {
+            return *to;
+        }
+        Self { rotation: self.rotation.slerp(to.rotation, share), translation: self.translation.lerp(to.translation, share) }
+    }
+
     /// Carries a point out.
     pub fn point(&self, p: DVec3) -> DVec3 {
         if self.is_translation() { p + self.translation } else { self.rotation * p + self.translation }

@@ -6,7 +6,7 @@
 
 use super::implicit::{self, ImplicitInput, ImplicitScratch};
 use super::matrix::{Lanes, Pair, add_scaled, fused, fused_blend, minus};
-use super::network::{INPUT_LIMIT, Network, REST_THRESHOLD, STILL, unpadded};
+use super::network::{INPUT_LIMIT, Network, REST_THRESHOLD, unpadded};
 use super::propagator::Propagator;
 use super::series::{Series, SeriesKey};
 use std::ops::Range;
@@ -392,8 +392,7 @@ impl Network {
         for grab in &self.grabs {
             let row = grab.row as usize;
             let way = minus(&grab.target, &self.u(row));
-            let moves = way.iter().any(|x| x.abs() > STILL * self.length);
-            self.v[row] = if moves { way.map(|x| x / h) } else { [0.0; 4] };
+            self.v[row] = if self.is_motion(unpadded(&way)) { way.map(|x| x / h) } else { [0.0; 4] };
             self.displacement[self.order[row] as usize] = unpadded(&grab.target).into();
         }
         for row in self.moved.drain(..).map(|row| row as usize) {

@@ -388,9 +388,7 @@ impl RigidWorld {
             let share = k as f64 / substeps as f64;
             for body in self.bodies.values().filter(|b| b.moved()) {
                 if let Some(rigid) = body.handle.and_then(|handle| self.world.bodies.get_mut(handle)) {
-                    let rotation = body.before.rotation.slerp(body.now.rotation, share);
-                    let translation = body.before.translation.lerp(body.now.translation, share);
-                    rigid.set_next_kinematic_position(to_rapier(&RigidPose { rotation, translation }));
+                    rigid.set_next_kinematic_position(to_rapier(&body.before.toward(&body.now, share)));
                 }
             }
             self.world.step();

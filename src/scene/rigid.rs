@@ -332,17 +332,7 @@ impl Scene {
         for collider in colliders.values() {
             let Some(from) = world.pose(collider.body) else { continue };
             let share = 1.0 / left as f64;
-            let to = &collider.target;
-            // one that rests rests exactly: a way to where it is, shared out, rounds
-            let way = if left == 1 || from == *to {
-                *to
-            } else {
-                RigidPose {
-                    rotation: from.rotation.slerp(to.rotation, share),
-                    translation: from.translation.lerp(to.translation, share),
-                }
-            };
-            world.drive(collider.body, way);
+            world.drive(collider.body, from.toward(&collider.target, share));
         }
         world.step(h);
         for (id, hull) in loose.iter() {

@@ -152,7 +152,7 @@ impl Tissue {
         measures.count_edges(&mut open);
         let (vertices, lowest_origin) = self.tally.graph.totals();
         let sums = Sums { measures, vertices, lowest_origin };
-        debug_assert!(self.are_right(&sums, 1e-9), "{sums:?} and {:?}", self.measure_all());
+        debug_assert!(self.are_right(&sums, 1e-9, 0.0), "{sums:?} and {:?}", self.measure_all());
         self.tally.whole = Some((key, sums.clone()));
         sums
     }
@@ -210,12 +210,13 @@ impl Tissue {
         self.tally.graph.keep(parts);
     }
 
-    fn are_right(&self, sums: &Sums, tolerance: f64) -> bool {
+    /// `off` is how far vertices may be from where they were measured, metres.
+    fn are_right(&self, sums: &Sums, tolerance: f64, off: f64) -> bool {
         let (known, new) = (sums.measures, self.measure_all());
         let counts = |m: &Measures| [m.faces, m.boundary_edges, m.non_manifold_edges];
         let reach = if new.faces > 0 { new.max.abs().max(new.min.abs()).max_element() } else { 0.0 };
-        // a needle's area and volume may be less than what rounding makes of products of its corners, and what fades make of their places
-        let rounding = (1e-15 * new.faces as f64 + 1e-2 * tolerance) * reach * reach;
+        // a needle's area and volume may be less than what rounding makes of products of its corners
+        let rounding = new.faces as f64 * reach * (1e-15 * reach + off);
         let near = |a: f64, b: f64, lever: f64| (a - b).abs() <= (tolerance * new.area + rounding) * lever;
         counts(&known) == counts(&new)
             && near(known.area, new.area, 1.0)
@@ -223,11 +224,16 @@ impl Tissue {
             && sums.vertices == self.mesh.live_vertices().count()
     }
 
+    /// Fades, in f32, hold the vertices of a new piece: so far they may be off, metres.
+    fn rounding_of_fades(&self) -> f64 {
+        let longest = self.mesh.live_vertices().map(|v| self.faded(v).length()).fold(0.0, f64::max);
+        f64::from(f32::EPSILON) * longest
+    }
+
     /// Sets what [`Tissue::sums`] would find, from what a part that has become this tissue was measured as.
     pub fn adopt_sums(&mut self, sums: Sums) {
         self.note_edits();
-        // fades, in f32, hold the vertices of the piece
-        debug_assert!(self.are_right(&sums, 1e-5), "{sums:?} and {:?}", self.measure_all());
+        debug_assert!(self.are_right(&sums, 1e-5, self.rounding_of_fades()), "{sums:?} and {:?}", self.measure_all());
         let key = self.position_key();
         self.tally.whole = Some((key, sums));
         if self.tally.key.is_none() && self.tally.sections.len() == self.mesh.sections() {

@@ -76,9 +76,14 @@ pub fn users_scene(name: &str, faces: usize, opening_s: f64) -> Scene {
 
 /// [`users_scene`] of a model.
 pub fn users_scene_of(model: Model, opening_s: f64) -> Scene {
+    users_scene_with(model, NetworkSettings::SOFT, opening_s)
+}
+
+/// [`users_scene_of`] of a material.
+pub fn users_scene_with(model: Model, network: NetworkSettings, opening_s: f64) -> Scene {
     let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
     let particles = ParticleSettings { seed: 1, ..ParticleSettings::for_count(&model.mesh, &rest, 200) };
-    let settings = TissueSettings { particles: Some(particles), opening_s, ..settings(&model) };
+    let settings = TissueSettings { particles: Some(particles), network, opening_s, ..settings(&model) };
     let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
     Scene::new(Tissue::new(model, &settings).unwrap(), tools)
 }
