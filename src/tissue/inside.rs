@@ -95,6 +95,16 @@ fn is_inside(tissue: &Tissue, positions: &PositionCache, (low, high): (DVec3, DV
     crossings.map(|(_, leaves)| if leaves { 1 } else { -1 }).sum::<i32>() > 0
 }
 
+/// A direction in no plane that a blade is likely to move in.
+const ANY_WAY: DVec3 = DVec3::new(0.536_1, 0.741_7, 0.403_3);
+
+/// Which of `points` lie inside the solid.
+pub(super) fn which_inside<const N: usize>(tissue: &Tissue, points: [DVec3; N]) -> [bool; N] {
+    let mut positions = PositionCache::default();
+    positions.refresh(tissue);
+    points.map(|p| is_inside(tissue, &positions, tissue.sections_extent(), p, ANY_WAY))
+}
+
 /// Pieces of a face of the loaded model that one box may leave around it.
 const CRUMPLED: usize = 48;
 
@@ -141,9 +151,7 @@ pub(super) fn corners_inside(tissue: &Tissue, positions: &PositionCache, corners
     let at_centre = if most - least == 1 {
         -least
     } else {
-        // in no plane that a blade is likely to move in
-        let way = DVec3::new(0.536_1, 0.741_7, 0.403_3).normalize();
-        i32::from(is_inside(tissue, positions, tissue.sections_extent(), centre, way))
+        i32::from(is_inside(tissue, positions, tissue.sections_extent(), centre, ANY_WAY))
     };
     (0..8).fold(0, |bits, k| bits | u8::from(at_centre + cover[k] > 0) << k)
 }

@@ -167,7 +167,7 @@ impl SlitState {
     }
 }
 
-fn distance_to_line(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
+pub(in crate::tissue) fn distance_to_line(p: DVec3, [a, b]: [DVec3; 2]) -> f64 {
     (p - a).reject_from_normalized((b - a).normalize_or(DVec3::X)).length()
 }
 
@@ -310,7 +310,7 @@ pub(in crate::tissue) fn slit_cut<'a>(tissue: &Tissue, step: &'a SlitStep) -> Cu
 }
 
 /// Mean length of the edges of `faces` at rest, metres; 0 without faces.
-fn mean_edge(tissue: &Tissue, faces: &[FaceId]) -> f64 {
+pub(in crate::tissue) fn mean_edge(tissue: &Tissue, faces: &[FaceId]) -> f64 {
     let length = |[a, b, c]: [DVec3; 3]| a.distance(b) + b.distance(c) + c.distance(a);
     let sum: f64 = faces.iter().map(|&f| length(tissue.mesh.face(f).map(|v| tissue.rest[v.index()]))).sum();
     sum / (3.0 * faces.len().max(1) as f64)

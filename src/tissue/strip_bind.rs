@@ -50,21 +50,9 @@ impl Cut<'_> {
         (lips, nicked): (&mut Vec<LipVertex>, &mut Vec<LipPoint>),
         stages: &mut Stages,
     ) -> (MapUpdateReport, Option<usize>, Option<WoundLine>) {
-        let mut line = if is_nick { self.goes_on_along } else { None };
-        let mut opened = [0.0; 2];
-        let strip = stages.time("disconnect_particles", || {
-            let layer = tissue.layer.as_ref().filter(|_| !is_nick)?;
-            let [start, end] = part.at_rest;
-            let mut on = OnLine::BESIDE;
-            if !self.is_beside {
-                let edge = self.skin_edge(tissue, part);
-                let begins = self.line(tissue, &layer.strips, (part, is_first), edge);
-                on = begins.strip(edge[1], self.length(part, begins.end.distance(edge[1])));
-                (opened, line) = (begins.opened, Some(begins.after(&on)));
-            }
-            let corners = [start[0], end[0], end[1], start[1]];
-            tissue.layer.as_mut()?.strips.push_strip(corners, self.reach, self.slit, on).ok()
-        });
+        let line = if is_nick { self.goes_on_along } else { None };
+        let pushed = stages.time("disconnect_particles", || if is_nick { None } else { self.push_strip(tissue, part, is_first) });
+        let (strip, opened, line) = pushed.map_or((None, [0.0; 2], line), |p| (Some(p.strip), p.opened, p.line));
         lips.clear();
         let place = |v| find_made(self.made, v).map_or_else(|| seen(tissue, v), |n| n.position);
         let points = self.lips.iter().filter(|l| part.holds(|| place(l.vertex))).copied();
@@ -81,8 +69,65 @@ impl Cut<'_> {
             let goes_on_from = self.goes_on_from.filter(|_| is_first && strip.is_some());
             tissue.update_map(made, removed, NewStrips { strips, goes_on_from, opened }, lips)
         });
-        (update, strip, line.filter(|_| is_nick || strip.is_some()))
+        (update, strip, line)
     }
+
+    /// [`Cut::bind`] for the parts of a cut that goes on from nothing, all at once: parts of one line, each from where the one before ended.
+    pub(in crate::tissue) fn bind_all(
+        &mut self,
+        tissue: &mut Tissue,
+        parts: &[StripPart],
+        stages: &mut Stages,
+    ) -> (MapUpdateReport, Option<WoundLine>) {
+        let (mut lips, mut of_part, mut opened, mut strips) = (Vec::new(), Vec::new(), [0.0; 2], 0..0);
+        stages.time("disconnect_particles", || {
+            for part in parts {
+                let Some(pushed) = self.push_strip(tissue, part, true) else { continue };
+                if strips.is_empty() {
+                    (strips, opened) = (pushed.strip..pushed.strip, pushed.opened);
+                }
+                strips.end = pushed.strip + 1;
+                (self.goes_on_along, self.shares_edge) = (pushed.line, true);
+                let points = self.lips.iter().filter(|l| {
+                    let made = find_made(self.made, l.vertex);
+                    part.holds(|| made.map_or_else(|| tissue.position(l.vertex), |n| n.position))
+                });
+                let beside = (points.copied(), self.made, self.closed);
+                tissue.list_lips((pushed.strip, part.blades), beside, self.has_width, |v| tissue.position(v), &mut of_part);
+                lips.append(&mut of_part);
+            }
+        });
+        let update = stages.time("update_particles", || {
+            tissue.update_map(self.made, self.removed, NewStrips { strips, goes_on_from: None, opened }, &lips)
+        });
+        (update, self.goes_on_along)
+    }
+
+    /// The strip of a part at rest; nothing without particles, or where the part is no strip.
+    fn push_strip(&self, tissue: &mut Tissue, part: &StripPart, is_first: bool) -> Option<Pushed> {
+        let layer = tissue.layer.as_ref()?;
+        let [start, end] = part.at_rest;
+        let (mut on, mut opened, mut line) = (OnLine::BESIDE, [0.0; 2], None);
+        if !self.is_beside {
+            let edge = self.skin_edge(tissue, part);
+            let begins = self.line(tissue, &layer.strips, (part, is_first), edge);
+            on = begins.strip(edge[1], self.length(part, begins.end.distance(edge[1])));
+            (opened, line) = (begins.opened, Some(begins.after(&on)));
+        }
+        let corners = [start[0], end[0], end[1], start[1]];
+        let strip = tissue.layer.as_mut()?.strips.push_strip(corners, self.reach, self.slit, on).ok()?;
+        Some(Pushed { strip, opened, line })
+    }
+}
+
+/// A strip that was added.
+struct Pushed {
+    /// Its number.
+    strip: usize,
+    /// What of its wound stood open.
+    opened: [f64; 2],
+    /// The line of its wound, from its end on.
+    line: Option<WoundLine>,
 }
 
 impl Cut<'_> {

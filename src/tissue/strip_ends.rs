@@ -103,6 +103,22 @@ impl StripPart {
         Self { blades, at_rest, of: None, is_apart: false }
     }
 
+    /// What a blade that moves evenly sweeps, slice by slice: `at_rest` are the blades at the slices' ends.
+    pub(in crate::tissue) fn slices(blades: [[DVec3; 2]; 2], at_rest: &[[DVec3; 2]]) -> impl Iterator<Item = Self> {
+        let count = at_rest.len().saturating_sub(1);
+        let share = move |k: usize| k as f64 / count as f64;
+        at_rest.windows(2).enumerate().map(move |(k, ends)| {
+            let shares =
+                [if k == 0 { f64::NEG_INFINITY } else { share(k) }, if k + 1 == count { f64::INFINITY } else { share(k + 1) }];
+            Self {
+                blades: [k, k + 1].map(|k| blade_at(blades, share(k))),
+                at_rest: [ends[0], ends[1]],
+                of: Some((blades, shares)),
+                is_apart: false,
+            }
+        })
+    }
+
     /// Its normal at rest, twice the mean of its triangles' areas long.
     pub(super) fn normal(&self) -> DVec3 {
         let [start, end] = self.at_rest;
@@ -123,7 +139,7 @@ impl StripPart {
 
     /// The blade at a share of its way, as it was seen and, by the frame of a lip there, at rest.
     fn blade(&self, tissue: &Tissue, lip: &NewVertex, (share, height): (f64, f64)) -> ([DVec3; 2], [DVec3; 2]) {
-        let [tip, top] = [0, 1].map(|k| self.blades[0][k].lerp(self.blades[1][k], share.clamp(0.0, 1.0)));
+        let [tip, top] = blade_at(self.blades, share.clamp(0.0, 1.0));
         let blade = [tip, tip.lerp(top, height)];
         (blade, blade.map(tissue.rest_frame(lip.vertex, lip.position)))
     }
@@ -135,7 +151,7 @@ impl StripPart {
     }
 
     /// Whether a lip that is seen at `p` is one of its.
-    pub(super) fn holds(&self, p: impl FnOnce() -> DVec3) -> bool {
+    pub(in crate::tissue) fn holds(&self, p: impl FnOnce() -> DVec3) -> bool {
         self.of.is_none_or(|(whole, shares)| (shares[0]..shares[1]).contains(&share_of_way(whole, p())))
     }
 }
@@ -368,13 +384,18 @@ impl TearStroke {
 }
 
 /// How far the blade's ends go from the one blade to the other: the farther of both, metres.
-pub(super) fn way_between([from, to]: [[DVec3; 2]; 2]) -> f64 {
+pub(in crate::tissue) fn way_between([from, to]: [[DVec3; 2]; 2]) -> f64 {
     (0..2).map(|k| from[k].distance(to[k])).fold(0.0, f64::max)
 }
 
 /// `v` among vertices that a cut has made, in order.
 pub(super) fn find_made(made: &[NewVertex], v: VertexId) -> Option<&NewVertex> {
     v.index().checked_sub(made.first()?.vertex.index()).and_then(|i| made.get(i))
+}
+
+/// The blade at a share of its way.
+pub(in crate::tissue) fn blade_at(blades: [[DVec3; 2]; 2], share: f64) -> [DVec3; 2] {
+    [0, 1].map(|k| blades[0][k].lerp(blades[1][k], share))
 }
 
 /// Where `p` lies on the way from the one blade to the other.
