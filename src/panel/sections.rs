@@ -398,8 +398,9 @@ fn timing(ui: &mut Ui, state: &mut PanelState, actions: &mut Actions) {
 
 /// What the last frame cost, in the upper right corner.
 fn counters(ui: &mut Ui, free: egui::Rect, state: &PanelState) {
-    let area = egui::Area::new(egui::Id::unique("counters")).order(egui::Order::Middle).interactable(false);
+    let area = egui::Area::new(egui::Id::unique("counters")).order(egui::Order::Middle).interactable(false).constrain_to(free);
     area.pivot(egui::Align2::RIGHT_TOP).fixed_pos(free.right_top() + egui::vec2(-12.0, 12.0)).show(ui.ctx(), |ui| {
+        ui.set_clip_rect(free); // a small window has no room for all
         egui::Frame::new().fill(Color32::from_black_alpha(170)).corner_radius(4.0).inner_margin(8.0).show(ui, |ui| {
             egui::Grid::new("counters").num_columns(2).spacing([16.0, 1.0]).show(ui, |ui| {
                 let mut row = |name: &str, value: String| {
@@ -504,9 +505,11 @@ pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
             .id(egui::Id::unique("notice"))
             .collapsible(false)
             .resizable(false)
-            .default_width(420f32.min((free.width() - 64.0).max(120.0)))
             .fixed_pos(free.left_top() + egui::vec2(16.0, 16.0))
-            .show(ui.ctx(), |ui| notice(ui, told))
+            .show(ui.ctx(), |ui| {
+                ui.set_width(420f32.min((free.width() - 64.0).max(120.0)));
+                notice(ui, told)
+            })
             .and_then(|window| window.inner);
         if pressed == Some(true) {
             state.notice = None;
@@ -523,6 +526,7 @@ pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
     }
     if state.help {
         let mut open = true;
+        let height = (free.height() - 70.0).max(80.0);
         egui::Window::new("Mouse and keys")
             .open(&mut open)
             .collapsible(false)
@@ -530,7 +534,7 @@ pub fn overlays(ui: &mut Ui, free: egui::Rect, state: &mut PanelState) {
             .pivot(egui::Align2::CENTER_CENTER)
             .fixed_pos(free.center())
             .show(ui.ctx(), |ui| {
-                ScrollArea::vertical().max_height((free.height() - 70.0).max(80.0)).show(ui, |ui| {
+                ScrollArea::vertical().max_height(height).min_scrolled_height(height).show(ui, |ui| {
                     egui::Grid::new("help").num_columns(2).spacing([20.0, 3.0]).striped(true).show(ui, |ui| {
                         for (keys, what) in HELP {
                             ui.label(RichText::new(keys).strong());
