@@ -61,7 +61,7 @@ pub(crate) struct GlbScene<'a> {
 pub(crate) fn write(scene: &GlbScene<'_>) -> Result<Vec<u8>, FormatError> {
     let mut writer = Writer::default();
     let meshes: Vec<Value> = scene.meshes.iter().map(|m| writer.mesh(m)).collect();
-    let skins: Vec<Value> = scene.skins.iter().map(|s| writer.skin(s)).collect();
+    let skins: Vec<Value> = scene.skins.iter().map(|s| writer.skin(s, &scene.nodes)).collect();
     let animations: Vec<Value> =
         scene.animations.iter().filter(|a| !a.channels.is_empty()).map(|a| writer.animation(a)).collect();
     let materials = writer.materials(&scene.materials)?;
@@ -69,7 +69,8 @@ pub(crate) fn write(scene: &GlbScene<'_>) -> Result<Vec<u8>, FormatError> {
     let mut root = Map::new();
     root.insert("asset".into(), json!({"version": "2.0", "generator": concat!("incise ", env!("CARGO_PKG_VERSION"))}));
     root.insert("scene".into(), json!(0));
-    root.insert("scenes".into(), json!([{ "nodes": roots }]));
+    // what is empty is left out: where all of a model was torn away there is not even a buffer
+    root.insert("scenes".into(), if roots.is_empty() { json!([{}]) } else { json!([{ "nodes": roots }]) });
     let bin_length = writer.bin.len().next_multiple_of(4);
     let arrays = [
         ("nodes", nodes),
@@ -81,7 +82,7 @@ pub(crate) fn write(scene: &GlbScene<'_>) -> Result<Vec<u8>, FormatError> {
         ("images", writer.images),
         ("accessors", writer.accessors),
         ("bufferViews", writer.views),
-        ("buffers", vec![json!({ "byteLength": bin_length })]),
+        ("buffers", if bin_length > 0 { vec![json!({ "byteLength": bin_length })] } else { Vec::new() }),
     ];
     for (key, values) in arrays {
         if !values.is_empty() {
@@ -95,7 +96,8 @@ fn container(root: &Value, mut bin: Vec<u8>) -> Result<Vec<u8>, FormatError> {
     let mut text = serde_json::to_vec(root).map_err(|e| FormatError::Encode { detail: e.to_string() })?;
     text.resize(text.len().next_multiple_of(4), b' ');
     bin.resize(bin.len().next_multiple_of(4), 0);
-    let length = 28 + text.len() as u64 + bin.len() as u64;
+    let bin_header = if bin.is_empty() { 0 } else { 8 };
+    let length = 20 + text.len() as u64 + bin_header + bin.len() as u64;
     if length > u64::from(u32::MAX) {
         return Err(FormatError::TooLarge { what: "bytes", count: length, limit: u32::MAX.into() });
     }
@@ -106,13 +108,26 @@ fn container(root: &Value, mut bin: Vec<u8>) -> Result<Vec<u8>, FormatError> {
     }
     out.extend(b"JSON");
     out.extend(text);
-    out.extend((bin.len() as u32).to_le_bytes());
-    out.extend(b"BIN\0");
-    out.extend(bin);
+    if !bin.is_empty() {
+        out.extend((bin.len() as u32).to_le_bytes());
+        out.extend(b"BIN\0");
+        out.extend(bin);
+    }
     Ok(out)
 }
 
-/// Nodes of the rig in their order, then one a mesh; and the scene's roots.
+/// A node and what is above it, upwards.
+fn upwards(nodes: &[Node], node: u32) -> impl Iterator<Item = u32> {
+    std::iter::successors(Some(node), |&n| nodes[n as usize].parent)
+}
+
+/// True if all joints of each skin hang on one root, as glTF demands.
+fn have_roots(scene: &GlbScene<'_>) -> bool {
+    let root = |joint: &(u32, DAffine3)| upwards(&scene.nodes, joint.0).last();
+    scene.skins.iter().all(|skin| skin.joints.windows(2).all(|pair| root(&pair[0]) == root(&pair[1])))
+}
+
+/// Nodes of the rig in their order, then one a mesh, then one that holds the rig together if a skin needs it; and the scene's roots.
 fn nodes(scene: &GlbScene<'_>) -> (Vec<Value>, Vec<usize>) {
     let mut children: Vec<Vec<usize>> = vec![Vec::new(); scene.nodes.len()];
     let mut roots = Vec::new();
@@ -134,6 +149,12 @@ fn nodes(scene: &GlbScene<'_>) -> (Vec<Value>, Vec<usize>) {
             None => {}
         }
         out.push(value);
+    }
+    if !have_roots(scene) {
+        let (of_rig, of_meshes) = roots.into_iter().partition::<Vec<_>, _>(|&root| root < scene.nodes.len());
+        roots = of_meshes;
+        roots.push(out.len());
+        out.push(json!({ "name": "rig", "children": of_rig }));
     }
     (out, roots)
 }
@@ -267,14 +288,16 @@ impl Writer {
         self.accessor(view, if narrow { 5123 } else { 5125 }, "SCALAR", indices.len())
     }
 
-    fn skin(&mut self, skin: &GlbSkin) -> Value {
+    fn skin(&mut self, skin: &GlbSkin, nodes: &[Node]) -> Value {
         let matrices: Vec<[f32; 16]> = skin.joints.iter().map(|(_, m)| columns(m)).collect();
         let joints: Vec<u32> = skin.joints.iter().map(|j| j.0).collect();
         let mut value = json!({ "joints": joints, "inverseBindMatrices": self.floats(&matrices, None, false) });
         if let Some(name) = &skin.name {
             value["name"] = json!(name);
         }
-        if let Some(skeleton) = skin.skeleton {
+        // one that is not above all joints is none, which a skin that gained joints may have
+        let is_above_all = |s: &u32| skin.joints.iter().all(|j| upwards(nodes, j.0).any(|n| n == *s));
+        if let Some(skeleton) = skin.skeleton.filter(is_above_all) {
             value["skeleton"] = json!(skeleton);
         }
         value
@@ -340,5 +363,45 @@ impl Writer {
             out.push(value);
         }
         Ok(out)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The JSON of a scene's file, and whether it has a binary chunk.
+    fn written(scene: &GlbScene<'_>) -> (Value, bool) {
+        let bytes = write(scene).unwrap();
+        let word = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        assert_eq!((&bytes[..4], word(8)), (&b"glTF"[..], bytes.len()));
+        (serde_json::from_slice(&bytes[20..20 + word(12)]).unwrap(), bytes.len() > 20 + word(12))
+    }
+
+    fn node(parent: Option<u32>) -> Node {
+        Node { name: None, parent, local: LocalTransform::Matrix(DAffine3::IDENTITY) }
+    }
+
+    #[test]
+    fn joints_that_hang_on_several_roots_get_one() {
+        let joints = |nodes: &[u32]| nodes.iter().map(|&n| (n, DAffine3::IDENTITY)).collect();
+        let skin = |nodes: &[u32]| GlbSkin { name: None, joints: joints(nodes), skeleton: Some(0) };
+        let nodes = || vec![node(None), node(Some(0)), node(None)];
+        let apart =
+            GlbScene { nodes: nodes(), skins: vec![skin(&[1, 2])], meshes: vec![GlbMesh::default()], ..Default::default() };
+        let (root, _) = written(&apart);
+        assert_eq!(root["scenes"][0]["nodes"], json!([3, 4]));
+        assert_eq!(root["nodes"][4]["children"], json!([0, 2]));
+        assert!(root["skins"][0].get("skeleton").is_none(), "it is not above node 2");
+        let together = GlbScene { skins: vec![skin(&[0, 1])], ..apart };
+        let (root, _) = written(&together);
+        assert_eq!((&root["scenes"][0]["nodes"], &root["skins"][0]["skeleton"]), (&json!([0, 2, 3]), &json!(0)));
+    }
+
+    #[test]
+    fn of_a_model_that_is_gone_no_empty_parts_are_written() {
+        let (root, has_bytes) = written(&GlbScene::default());
+        assert_eq!((&root["scenes"], has_bytes), (&json!([{}]), false));
+        assert!(["buffers", "nodes", "meshes"].iter().all(|key| root.get(key).is_none()), "{root}");
     }
 }

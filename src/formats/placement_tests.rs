@@ -219,6 +219,14 @@ fn nearest(model: &Model, pose: &Pose, place: DVec3) -> f64 {
     model.mesh.live_vertices().map(|u| posed(model, pose, u).distance(place)).fold(f64::MAX, f64::min)
 }
 
+/// Animations, and the node that each channel moves, without its parent: a node that holds the rig together comes before it.
+fn told_by_nodes(rig: &Rig) -> Vec<(crate::rig::Animation, Vec<crate::rig::Node>)> {
+    let mut animations = rig.animations.clone();
+    let node = |n: u32| crate::rig::Node { parent: None, ..rig.nodes[n as usize].clone() };
+    let moved = |a: &mut crate::rig::Animation| a.channels.iter_mut().map(|c| node(std::mem::take(&mut c.node))).collect();
+    animations.iter_mut().map(|a| (moved(a), a.clone())).map(|(nodes, a)| (a, nodes)).collect()
+}
+
 #[test]
 fn a_model_far_away_goes_out_about_its_own_origin() {
     for (kind, mut far, mut near) in far_and_near() {
@@ -227,7 +235,7 @@ fn a_model_far_away_goes_out_about_its_own_origin() {
             let pose = far.rig.pose_at(Some(0), t);
             let (bytes, report) = export(&far, &pose);
             let again = read(&bytes).unwrap();
-            assert_eq!(again.rig.animations, far.rig.animations);
+            assert_eq!(told_by_nodes(&again.rig), told_by_nodes(&far.rig));
             let found = again.rig.pose_at(Some(0), t);
             let size = inspected(&far).bounds.diagonal;
             let worst = |pose: &Pose, found: &Pose, with: bool| {
