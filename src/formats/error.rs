@@ -126,6 +126,12 @@ pub enum FormatError {
         /// Why, where more can be said.
         detail: String,
     },
+    /// The model is a single point in its rest pose.
+    #[error(
+        "in its rest pose the model is a single point, though an animation may give it a size; give its nodes a scale other than 0 \
+         there: tools measure by that size"
+    )]
+    NoSize,
     /// The model does not fit the numbers that hold it.
     #[error("the model has {count} {what}, more than the {limit} that can be held; split or simplify it")]
     TooLarge {

@@ -2,6 +2,7 @@
 //! malformed file is an error and never a panic.
 
 use super::FormatError;
+use super::gltf_extensions::Extensions;
 use gltf::json;
 use json::accessor::{ComponentType, Type};
 use json::validation::Checked;
@@ -14,6 +15,7 @@ const MAX_ZEROS: usize = 1 << 26;
 #[derive(Debug)]
 pub(crate) struct Document {
     pub root: json::Root,
+    pub extensions: Extensions,
     buffers: Vec<Vec<u8>>,
 }
 
@@ -25,7 +27,8 @@ impl Document {
         }
         let (text, blob) = if bytes.starts_with(b"glTF") { split_glb(bytes)? } else { (bytes, None) };
         let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
-        let root: json::Root = json::deserialize::from_slice(text).map_err(|e| {
+        let extensions = Extensions::read(text);
+        let root: json::Root = json::deserialize::from_slice(&extensions.readable(text)).map_err(|e| {
             let detail = e.to_string();
             if e.is_eof() { FormatError::Truncated { detail } } else { FormatError::gltf(detail) }
         })?;
@@ -33,7 +36,7 @@ impl Document {
             return Err(FormatError::gltf(format!("version {} is not 2.x", root.asset.version)));
         }
         let buffers = root.buffers.iter().enumerate().map(|(i, b)| load_buffer(i, b, blob, folder)).collect::<Result<_, _>>()?;
-        Ok(Self { root, buffers })
+        Ok(Self { root, extensions, buffers })
     }
 
     /// Bytes of a buffer view.

@@ -1,6 +1,7 @@
 //! glTF 2.0: all triangle primitives of all mesh nodes of the chosen scene, with materials, skins and animations.
 
 use super::gltf_data::{Document, read_uri};
+use super::gltf_extensions::TextureTransform;
 use super::gltf_primitive::{Attributes, read_attributes, triangles};
 use super::gltf_rig::{self, ImportedRig, warn_once};
 use super::material::{Material, Texture, decode};
@@ -33,6 +34,9 @@ pub(crate) fn read(bytes: &[u8], name: &str, folder: Option<&Path>) -> Result<Mo
         if !harmless(extension) {
             return Err(FormatError::UnsupportedExtension { name: extension.clone() });
         }
+    }
+    if document.extensions.have_channels_without_node() {
+        report.warnings.push("animation channels that name no node are left out".into());
     }
     let rig = gltf_rig::read(&document, &mut report.warnings)?;
     let rigid_joints = vec![u32::MAX; rig.rig.nodes.len()];
@@ -72,16 +76,25 @@ impl Import {
         for material in &root.materials {
             let pbr = &material.pbr_metallic_roughness;
             let texture = pbr.base_color_texture.as_ref().and_then(|info| {
-                let image = root.textures.get(info.index.value())?.source.value();
-                let slot = pictures.get_mut(image)?;
-                slot.get_or_insert_with(|| match read_picture(&self.document, image, folder) {
-                    Ok(texture) => Some(Arc::new(texture)),
-                    Err(error) => {
-                        self.report.warnings.push(format!("image {image} is left out: {error}"));
-                        None
-                    }
-                })
-                .clone()
+                let index = info.index.value();
+                let image = root.textures.get(index).map(|t| t.source.value()).filter(|&image| image < pictures.len());
+                let Some(image) = image else {
+                    let warning = match self.document.extensions.of_picture(index) {
+                        Some(name) => format!("textures whose pictures only {name} gives are left out"),
+                        None => format!("texture {index} is left out: the file has no picture for it"),
+                    };
+                    warn_once(&mut self.report.warnings, &warning);
+                    return None;
+                };
+                pictures[image]
+                    .get_or_insert_with(|| match read_picture(&self.document, image, folder) {
+                        Ok(texture) => Some(Arc::new(texture)),
+                        Err(error) => {
+                            self.report.warnings.push(format!("image {image} is left out: {error}"));
+                            None
+                        }
+                    })
+                    .clone()
             });
             let base_colour = pbr.base_color_factor.0.map(|c| if c.is_finite() { c } else { 1.0 });
             let name = material.name.clone().unwrap_or_default();
@@ -98,6 +111,10 @@ impl Import {
                 (n.mesh.map(|m| m.value()), n.skin.map(|s| s.value()))
             };
             let Some(mesh) = mesh else { continue };
+            if self.document.extensions.is_instanced(file_node) {
+                let warning = "instances (EXT_mesh_gpu_instancing) are left out: their mesh is read once";
+                warn_once(&mut self.report.warnings, warning);
+            }
             let meshes = self.document.root.meshes.len();
             if mesh >= meshes {
                 return Err(FormatError::range(format!("node {file_node}"), "mesh", mesh as u64, meshes));
@@ -128,8 +145,12 @@ impl Import {
             return Err(FormatError::range(label, "material", material as u64, self.materials));
         }
         let joints = skin.map(|s| self.rig.rig.skins[s].joints.as_slice());
-        let uv_set = uv_set(&self.document.root, primitive);
-        let attributes = read_attributes(&self.document, primitive, uv_set, joints, &faces, &label)?;
+        let transform = texture_transform(&self.document, primitive, &mut self.report.warnings);
+        let uv_set = transform.and_then(|t| t.uv_set).unwrap_or_else(|| uv_set(&self.document.root, primitive));
+        let mut attributes = read_attributes(&self.document, primitive, uv_set, joints, &faces, &label)?;
+        if let Some(transform) = transform {
+            attributes.uvs.iter_mut().for_each(|uv| *uv = transform.apply(*uv));
+        }
         let total = self.stored.positions.len() + attributes.positions.len();
         if total > MAX_VERTICES {
             return Err(FormatError::TooLarge { what: "vertices", count: total as u64, limit: MAX_VERTICES as u64 });
@@ -299,6 +320,19 @@ fn widen(p: [f32; 3]) -> DVec3 {
 fn uv_set(root: &json::Root, primitive: &json::mesh::Primitive) -> u32 {
     let material = primitive.material.and_then(|m| root.materials.get(m.value()));
     material.and_then(|m| m.pbr_metallic_roughness.base_color_texture.as_ref()).map_or(0, |t| t.tex_coord)
+}
+
+/// How the material lays its base colour texture, where it says so.
+fn texture_transform(
+    document: &Document,
+    primitive: &json::mesh::Primitive,
+    warnings: &mut Vec<String>,
+) -> Option<TextureTransform> {
+    let read = document.extensions.texture_transform(primitive.material?.value())?;
+    if let Err(error) = &read {
+        warn_once(warnings, &format!("a texture's KHR_texture_transform is left out: {error}"));
+    }
+    read.ok()
 }
 
 fn read_picture(document: &Document, image: usize, folder: Option<&Path>) -> Result<Texture, String> {

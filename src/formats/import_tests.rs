@@ -436,6 +436,12 @@ fn bad_files_say_what_is_wrong() {
     let odd = folder.path().join("model.xyz");
     std::fs::write(&odd, b"x").unwrap();
     assert!(matches!(load(odd.to_str().unwrap()), Err(FormatError::UnknownExtension { .. })));
+    let point = folder.path().join("point.glb");
+    let to_a_point = |r: &mut serde_json::Value| {
+        r["nodes"].as_array_mut().unwrap().iter_mut().for_each(|n| n["scale"] = serde_json::json!([0, 0, 0]));
+    };
+    std::fs::write(&point, edit_json(&bytes, to_a_point)).unwrap();
+    assert!(matches!(load(point.to_str().unwrap()), Err(FormatError::NoSize)));
     let upper = folder.path().join("MODEL.GLB");
     std::fs::write(&upper, &bytes).unwrap();
     assert_eq!(load(upper.to_str().unwrap()).unwrap().name, "MODEL");

@@ -11,6 +11,7 @@ mod flats;
 mod glb_writer;
 mod gltf_data;
 mod gltf_export;
+mod gltf_extensions;
 mod gltf_import;
 mod gltf_primitive;
 mod gltf_rig;
@@ -19,11 +20,14 @@ mod material;
 mod mtl;
 mod obj;
 mod obj_export;
+mod polygon;
 mod procedural;
 mod stl;
 mod stored;
 mod weld;
 
+#[cfg(test)]
+mod gltf_extensions_tests;
 #[cfg(test)]
 mod import_tests;
 #[cfg(test)]
@@ -156,7 +160,7 @@ fn load_bytes(bytes: &[u8], format: Format, name: &str, folder: Option<&Path>) -
         }
         Format::Stl => static_model(&stl::read(bytes)?, name, vec![Material::default()], LoadReport::default())?,
     };
-    facing::warn(&mut model);
+    facing::check(&mut model)?;
     Ok(model)
 }
 

@@ -4,6 +4,7 @@
 use super::FormatError;
 use super::material::Material;
 use super::mtl;
+use super::polygon::PolygonCutter;
 use super::stored::{Dress, NO_MARK, Stored, StoredFace, WHITE};
 use glam::DVec3;
 use std::collections::HashMap;
@@ -58,6 +59,7 @@ struct Reader<'a> {
     unknown_materials: Vec<String>,
     skipped: usize,
     polygon: Vec<[u32; 2]>,
+    cutter: PolygonCutter,
     warnings: Vec<String>,
 }
 
@@ -87,7 +89,7 @@ impl Reader<'_> {
                 Ok(())
             }
             "mtllib" => {
-                self.load_library(rest.trim());
+                self.load_libraries(rest.trim());
                 Ok(())
             }
             "l" | "p" | "curv" | "surf" => {
@@ -130,8 +132,8 @@ impl Reader<'_> {
         if polygon.len() < 3 {
             self.skipped += 1;
         }
-        for k in 2..polygon.len() {
-            let triangle = [polygon[0], polygon[k - 1], polygon[k]];
+        for triangle in self.cutter.cut(polygon.iter().map(|c| self.stored.positions[c[0] as usize])) {
+            let triangle = triangle.map(|k| polygon[k as usize]);
             self.stored.faces.push(StoredFace {
                 corners: triangle.map(|c| c[0]),
                 dresses: triangle.map(|c| c[1]),
@@ -188,20 +190,36 @@ impl Reader<'_> {
         }
     }
 
-    fn load_library(&mut self, name: &str) {
+    /// Reads what follows `mtllib`: a name, which may hold blanks, or, if there is no such file, a list of names.
+    fn load_libraries(&mut self, names: &str) {
         let Some(folder) = self.folder else { return };
-        match super::read_named(&folder.join(name)) {
-            Ok(bytes) => {
-                let found = mtl::read(&super::text_of(&bytes), folder, &mut self.warnings);
-                for material in found {
-                    self.unknown_materials.retain(|n| *n != material.name);
-                    match self.materials.iter_mut().find(|m| m.name == material.name) {
-                        Some(known) => *known = material,
-                        None => self.materials.push(material),
-                    }
-                }
+        let open = |name| super::read_named(&folder.join(name));
+        let found = match open(names) {
+            Ok(bytes) => vec![(names, Ok(bytes))],
+            Err(error) => {
+                let list: Vec<_> = names.split_whitespace().map(|name| (name, open(name))).collect();
+                // a name with blanks is not told of in pieces
+                if list.iter().any(|(_, bytes)| bytes.is_ok()) { list } else { vec![(names, Err(error))] }
             }
-            Err(error) => self.warnings.push(format!("material library \"{name}\" is left out: {error}")),
+        };
+        let mut materials: Vec<Material> = Vec::new();
+        for (name, bytes) in found {
+            match bytes {
+                Ok(bytes) => {
+                    let mut more = mtl::read(&super::text_of(&bytes), folder, &mut self.warnings);
+                    // the first library of a list that knows a name counts
+                    more.retain(|m| !materials.iter().any(|known| known.name == m.name));
+                    materials.append(&mut more);
+                }
+                Err(error) => self.warnings.push(format!("material library \"{name}\" is left out: {error}")),
+            }
+        }
+        for material in materials {
+            self.unknown_materials.retain(|n| *n != material.name);
+            match self.materials.iter_mut().find(|m| m.name == material.name) {
+                Some(known) => *known = material,
+                None => self.materials.push(material),
+            }
         }
     }
 
@@ -276,5 +294,72 @@ mod tests {
         assert!(matches!(of("f a b c\n"), Err(FormatError::Syntax { .. })));
         assert!(matches!(read(b" \n", None), Err(FormatError::Empty)));
         assert!(of("f 1 2 3\n").is_ok());
+    }
+
+    const L_PRISM: &str = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\n\
+        v 0 0 1\nv 2 0 1\nv 2 1 1\nv 1 1 1\nv 1 2 1\nv 0 2 1\n\
+        f 1 2 8 7\nf 2 3 9 8\nf 3 4 10 9\nf 4 5 11 10\nf 5 6 12 11\nf 6 1 7 12\n";
+
+    #[test]
+    fn an_l_prism_is_closed_and_has_its_area_from_whichever_corner() {
+        for start in 0..6 {
+            let mut top: Vec<u32> = (7..13).collect();
+            let mut bottom: Vec<u32> = (1..7).rev().collect();
+            top.rotate_left(start);
+            bottom.rotate_left(start);
+            let words = |face: &[u32]| face.iter().map(|v| format!(" {v}")).collect::<String>();
+            let file = read(format!("{L_PRISM}f{}\nf{}\n", words(&top), words(&bottom)).as_bytes(), None).unwrap();
+            let stored = &file.stored;
+            assert_eq!(stored.faces.len(), 20);
+            let (mut area, mut volume, mut edges) = (0.0, 0.0, HashMap::new());
+            for face in &stored.faces {
+                let [a, b, c] = face.corners.map(|v| stored.positions[v as usize]);
+                area += (b - a).cross(c - a).length() / 2.0;
+                volume += a.dot(b.cross(c)) / 6.0;
+                for k in 0..3 {
+                    *edges.entry([face.corners[k], face.corners[(k + 1) % 3]]).or_insert(0) += 1;
+                }
+            }
+            assert!((area - 14.0_f64).abs() < 1e-12 && (volume - 3.0_f64).abs() < 1e-12, "{start}: {area}, {volume}");
+            assert!(edges.iter().all(|(&[a, b], &count)| count == 1 && edges.contains_key(&[b, a])), "{start}");
+        }
+    }
+
+    #[test]
+    fn corners_of_a_concave_polygon_keep_their_dress() {
+        let text = "v 0 0 0\nv 2 -1 0\nv 0.5 0 0\nv 2 1 0\nvt 0.1 0\nvt 0.2 0\nvt 0.3 0\nvt 0.4 0\nf 2/2 3/3 4/4 1/1\n";
+        let stored = read(text.as_bytes(), None).unwrap().stored;
+        assert_eq!(stored.faces.iter().map(|f| f.corners).collect::<Vec<_>>(), [[2, 3, 0], [2, 0, 1]]);
+        for face in &stored.faces {
+            for k in 0..3 {
+                assert_eq!(stored.dresses[face.dresses[k] as usize].uv[0], [0.1, 0.2, 0.3, 0.4][face.corners[k] as usize]);
+            }
+        }
+    }
+
+    #[test]
+    fn a_library_may_have_blanks_or_be_a_list() {
+        let folder = std::env::temp_dir().join(format!("incise-obj-libraries-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        for (name, text) in [
+            ("a.mtl", "newmtl a\nKd 0.25 0 0\n"),
+            ("b.mtl", "newmtl a\nKd 0.5 0 0\nnewmtl b\nKd 0.75 0 0\n"),
+            ("a b.mtl", "newmtl a\nKd 1 0 0\nnewmtl b\nKd 0 0 0\n"),
+        ] {
+            std::fs::write(folder.join(name), text).unwrap();
+        }
+        let reds = |libraries: &str| {
+            let text = format!("{QUAD}mtllib {libraries}\nusemtl a\nf 1 2 3\nusemtl b\nf 1 3 4\n");
+            let file = read(text.as_bytes(), Some(&folder)).unwrap();
+            (file.materials.iter().map(|m| m.base_colour[0]).collect::<Vec<_>>(), file.warnings)
+        };
+        assert_eq!(reds("a.mtl  b.mtl"), (vec![0.25, 0.75], vec![]), "the first that knows a name counts");
+        assert_eq!(reds("a b.mtl"), (vec![1.0, 0.0], vec![]));
+        let (found, warnings) = reds("none.mtl b.mtl");
+        assert_eq!((found, warnings.len()), (vec![0.5, 0.75], 1));
+        assert!(warnings[0].contains("\"none.mtl\""), "{warnings:?}");
+        let (_, warnings) = reds("no such.mtl");
+        assert!(warnings.len() == 2 && warnings[0].contains("\"no such.mtl\""), "{warnings:?}");
+        std::fs::remove_dir_all(&folder).unwrap();
     }
 }

@@ -1,0 +1,154 @@
+//! What a glTF file says that the glTF crate does not read or would refuse: animation channels without a node, and the
+//! extensions that change what is read here.
+
+use serde::Deserialize;
+use serde_json::Value;
+use std::borrow::Cow;
+
+/// Those parts of a file, by the numbers of its nodes, textures and materials.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(crate) struct Extensions {
+    animations: Vec<RawAnimation>,
+    materials: Vec<RawMaterial>,
+    nodes: Vec<Extended>,
+    textures: Vec<Extended>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct RawAnimation {
+    channels: Vec<RawChannel>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct RawChannel {
+    target: Option<RawTarget>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct RawTarget {
+    node: Option<Value>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct RawMaterial {
+    #[serde(rename = "pbrMetallicRoughness")]
+    base: RawBase,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct RawBase {
+    #[serde(rename = "baseColorTexture")]
+    texture: Option<Extended>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Extended {
+    extensions: Value,
+}
+
+/// How a material lays its base colour texture (KHR_texture_transform).
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
+#[serde(default)]
+pub(crate) struct TextureTransform {
+    offset: [f64; 2],
+    rotation: f64,
+    scale: [f64; 2],
+    /// The set of texture coordinates to take, where it is another than the texture's own.
+    #[serde(rename = "texCoord")]
+    pub uv_set: Option<u32>,
+}
+
+impl Default for TextureTransform {
+    fn default() -> Self {
+        Self { offset: [0.0; 2], rotation: 0.0, scale: [1.0; 2], uv_set: None }
+    }
+}
+
+impl TextureTransform {
+    /// Scales, turns counter-clockwise as seen on the picture (v points down there), and shifts.
+    pub fn apply(&self, uv: [f32; 2]) -> [f32; 2] {
+        let (sin, cos) = self.rotation.sin_cos();
+        let [u, v] = [0, 1].map(|k| f64::from(uv[k]) * self.scale[k]);
+        [cos * u + sin * v + self.offset[0], cos * v - sin * u + self.offset[1]].map(|x| x as f32)
+    }
+}
+
+impl Extensions {
+    /// Reads them; of a text that is no glTF there are none, as the glTF crate says more clearly what is wrong with it.
+    pub fn read(text: &[u8]) -> Self {
+        serde_json::from_slice(text).unwrap_or_default()
+    }
+
+    /// True if an animation channel names no node. Such are valid: an extension may name something else to move.
+    pub fn have_channels_without_node(&self) -> bool {
+        let nodeless = |c: &RawChannel| c.target.as_ref().is_some_and(|t| t.node.is_none());
+        self.animations.iter().flat_map(|a| &a.channels).any(nodeless)
+    }
+
+    /// The file's text without these channels, which the glTF crate would refuse.
+    pub fn readable<'a>(&self, text: &'a [u8]) -> Cow<'a, [u8]> {
+        let without = || {
+            let mut root: Value = serde_json::from_slice(text).ok()?;
+            for animation in root.get_mut("animations")?.as_array_mut()? {
+                if let Some(channels) = animation.get_mut("channels").and_then(Value::as_array_mut) {
+                    channels.retain(|c| c.get("target").is_none_or(|t| t.get("node").is_some_and(|n| !n.is_null())));
+                }
+            }
+            serde_json::to_vec(&root).ok()
+        };
+        if self.have_channels_without_node() { without().map_or(text.into(), Cow::Owned) } else { text.into() }
+    }
+
+    /// True if a node asks for many instances of its mesh.
+    pub fn is_instanced(&self, node: usize) -> bool {
+        self.nodes.get(node).is_some_and(|n| n.extensions.get("EXT_mesh_gpu_instancing").is_some())
+    }
+
+    /// The extension that names a texture's picture, such as KHR_texture_basisu.
+    pub fn of_picture(&self, texture: usize) -> Option<&str> {
+        let extensions = self.textures.get(texture)?.extensions.as_object()?;
+        extensions.iter().find(|(_, value)| value.get("source").is_some()).map(|(name, _)| name.as_str())
+    }
+
+    /// How a material's base colour texture is laid, where it says so; an error if that cannot be read.
+    pub fn texture_transform(&self, material: usize) -> Option<Result<TextureTransform, serde_json::Error>> {
+        let texture = self.materials.get(material)?.base.texture.as_ref()?;
+        texture.extensions.get("KHR_texture_transform").map(TextureTransform::deserialize)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// By the specification's words and as three.js does: the coordinates turn counter-clockwise on the picture.
+    #[test]
+    fn texture_coordinates_are_scaled_turned_and_shifted() {
+        let half_pi = std::f64::consts::FRAC_PI_2;
+        let whole = TextureTransform { offset: [0.25, 0.5], rotation: half_pi, scale: [2.0, 3.0], uv_set: None };
+        for (uv, expected) in [([0.0, 0.0], [0.25, 0.5]), ([1.0, 0.0], [0.25, -1.5]), ([0.0, 1.0], [3.25, 0.5])] {
+            let found = whole.apply(uv);
+            assert!((0..2).all(|k| (found[k] - expected[k]).abs() < 1e-6f32), "{uv:?}: {found:?}");
+        }
+        assert_eq!(TextureTransform::default().apply([0.3, 0.7]), [0.3, 0.7]);
+    }
+
+    #[test]
+    fn only_channels_without_a_node_are_dropped() {
+        let text = br#"{"animations":[{"channels":[{"target":{"node":0}},{"target":{}},{"target":{"node":null}}]}]}"#;
+        let found = Extensions::read(text);
+        assert!(found.have_channels_without_node());
+        let left: Value = serde_json::from_slice(&found.readable(text)).unwrap();
+        assert_eq!(left, serde_json::json!({ "animations": [{ "channels": [{ "target": { "node": 0 } }] }] }));
+        for plain in [&br#"{"animations":[{"channels":[{"target":{"node":0}},{}]}]}"#[..], b"{", b"[]", b"7"] {
+            assert!(matches!(Extensions::read(plain).readable(plain), Cow::Borrowed(same) if same == plain));
+        }
+    }
+}
