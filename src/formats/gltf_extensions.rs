@@ -138,6 +138,14 @@ mod tests {
             assert!((0..2).all(|k| (found[k] - expected[k]).abs() < 1e-6f32), "{uv:?}: {found:?}");
         }
         assert_eq!(TextureTransform::default().apply([0.3, 0.7]), [0.3, 0.7]);
+        // the specification's example: "only the lower left quadrant of the source image, rotated clockwise 90 degrees"
+        let quadrant = TextureTransform { offset: [0.0, 1.0], rotation: half_pi, scale: [0.5, 0.5], uv_set: None };
+        for (uv, expected) in
+            [([0.0, 0.0], [0.0, 1.0]), ([1.0, 0.0], [0.0, 0.5]), ([0.0, 1.0], [0.5, 1.0]), ([1.0, 1.0], [0.5, 0.5])]
+        {
+            let found = quadrant.apply(uv);
+            assert!((0..2).all(|k| (found[k] - expected[k]).abs() < 1e-6f32), "{uv:?}: {found:?}");
+        }
     }
 
     #[test]
