@@ -96,7 +96,8 @@ impl Tissue {
         };
         let way = way_between(edges);
         let spacing = self.layer().map_or(f64::INFINITY, |l| l.settings.spacing);
-        let slices = ((way / spacing).ceil() as usize).clamp(1, MOST_SLICES);
+        let is_at_rest = self.posed().rest.is_some();
+        let slices = if is_at_rest { 1 } else { ((way / spacing).ceil() as usize).clamp(1, MOST_SLICES) };
         let share = |k: usize| k as f64 / slices as f64;
         let at_rest: Vec<_> = (0..=slices).map(|k| uncut.rest_edge(blade_at(edges, share(k)))).collect();
         let ends = [at_rest[0], at_rest[slices]];

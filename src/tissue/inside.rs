@@ -100,8 +100,7 @@ const ANY_WAY: DVec3 = DVec3::new(0.536_1, 0.741_7, 0.403_3);
 
 /// Which of `points` lie inside the solid.
 pub(super) fn which_inside<const N: usize>(tissue: &Tissue, points: [DVec3; N]) -> [bool; N] {
-    let mut positions = PositionCache::default();
-    positions.refresh(tissue);
+    let positions = PositionCache::default(); // keeps none: few faces are looked at, of however large a model
     points.map(|p| is_inside(tissue, &positions, tissue.sections_extent(), p, ANY_WAY))
 }
 

@@ -54,12 +54,10 @@ impl Cut<'_> {
         let pushed = stages.time("disconnect_particles", || if is_nick { None } else { self.push_strip(tissue, part, is_first) });
         let (strip, opened, line) = pushed.map_or((None, [0.0; 2], line), |p| (Some(p.strip), p.opened, p.line));
         lips.clear();
-        let place = |v| find_made(self.made, v).map_or_else(|| seen(tissue, v), |n| n.position);
-        let points = self.lips.iter().filter(|l| part.holds(|| place(l.vertex))).copied();
         if is_nick {
-            nicked.extend(points);
+            nicked.extend(self.lips_of(part, |v| seen(tissue, v)));
         } else if let Some(strip) = strip {
-            let points = points.chain(nicked.drain(..));
+            let points = self.lips_of(part, |v| seen(tissue, v)).chain(nicked.drain(..));
             let beside = (points, self.made, self.closed);
             tissue.list_lips((strip, part.blades), beside, self.has_width, |v| seen(tissue, v), lips);
         }
@@ -88,11 +86,7 @@ impl Cut<'_> {
                 }
                 strips.end = pushed.strip + 1;
                 (self.goes_on_along, self.shares_edge) = (pushed.line, true);
-                let points = self.lips.iter().filter(|l| {
-                    let made = find_made(self.made, l.vertex);
-                    part.holds(|| made.map_or_else(|| tissue.position(l.vertex), |n| n.position))
-                });
-                let beside = (points.copied(), self.made, self.closed);
+                let beside = (self.lips_of(part, |v| tissue.position(v)), self.made, self.closed);
                 tissue.list_lips((pushed.strip, part.blades), beside, self.has_width, |v| tissue.position(v), &mut of_part);
                 lips.append(&mut of_part);
             }
@@ -101,6 +95,12 @@ impl Cut<'_> {
             tissue.update_map(self.made, self.removed, NewStrips { strips, goes_on_from: None, opened }, &lips)
         });
         (update, self.goes_on_along)
+    }
+
+    /// The lips of a part; `seen` tells where vertices are seen that the cut has not made.
+    fn lips_of(&self, part: &StripPart, seen: impl Fn(VertexId) -> DVec3) -> impl Iterator<Item = LipPoint> {
+        let place = move |v| find_made(self.made, v).map_or_else(|| seen(v), |n| n.position);
+        self.lips.iter().filter(move |l| part.holds(|| place(l.vertex))).copied()
     }
 
     /// The strip of a part at rest; nothing without particles, or where the part is no strip.
