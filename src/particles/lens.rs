@@ -8,7 +8,7 @@
 use super::legs::{LegLip, MOST_LIPS};
 use super::particle_map::ParticleMap;
 use super::settings::WoundSettings;
-use super::strips::Strips;
+use super::strips::{Strips, WoundMark};
 use crate::geometry::room::fit;
 use crate::geometry::{ParticleId, VertexId};
 use glam::DVec3;
@@ -23,6 +23,13 @@ const ROUNDS: usize = 24;
 const CLOSE: f64 = 0.005;
 /// No particle is further out than so many half gaps, nor further in.
 const MOST: [f64; 2] = [-1.0, 2.0];
+/// The most beside another wound: the skin between both folds beyond that.
+const MOST_IN_CROSSING: f64 = 1.5;
+/// Two wounds whose lips on a strip of skin between them go against each other, as a cosine: each has half of what both would take (-0.985, 10
+/// degrees off parallel), or each stands on its own lens (-0.92, 23 degrees).
+const AGAINST: [f64; 2] = [-0.985, -0.92];
+/// Older wounds that are looked at again where a new one pushes their lips.
+const MOST_CROSSED: usize = 8;
 
 /// Scratch of [`Lens::displace_wound`], kept between updates.
 #[derive(Clone, Debug, Default)]
@@ -31,6 +38,8 @@ pub(super) struct Lens {
     /// By particle, its place among `marks`; all [`NONE`] between uses.
     place_of: Vec<u32>,
     shares: Vec<Share>,
+    /// Wounds that the new one pushes at.
+    crossed: Vec<u32>,
     /// Lips of a leg of the slit.
     pub(super) leg: Vec<LegLip>,
 }
@@ -55,28 +64,65 @@ fn share_of_gap(place: f64, [low, high]: [f64; 2], is_shut: [bool; 2]) -> f64 {
     }
 }
 
+/// What counts of a push that another wound gives a lip, by the cosine between that and the lip's own way.
+fn share_against(cosine: f64) -> f64 {
+    let [none, all] = AGAINST;
+    ((cosine - none) / (all - none)).clamp(0.0, 1.0)
+}
+
 /// A wound particle of the slit.
 #[derive(Clone, Copy, Debug)]
 struct Marked {
     particle: ParticleId,
     anchor: VertexId,
+    /// Among the wound particles of all strips.
+    mark: u32,
+    wound: u32,
     /// Where it is on the wound's line, metres, and whether in another skin than that.
     place: f64,
     is_elsewhere: bool,
     /// Unit vector away from the slit.
     outwards: DVec3,
-    /// How far out the lip belongs, and how far out the particle is set, metres.
+    /// Half of what the wound opens at its widest, how far out the lip belongs, and how far out the particle is set, metres.
+    half_gap: f64,
     lip: f64,
     set: f64,
+    /// The furthest that it may be set, in half gaps.
+    most: f64,
+    /// How far particles of wounds that are not listed push the lip out, metres.
+    pushed: f64,
     /// How far the lip is off that, and how far the particle goes for all lips that are.
     off: f64,
     step: f64,
 }
 
 impl Marked {
+    const NONE: Self = Self {
+        particle: ParticleId::NONE,
+        anchor: VertexId::NONE,
+        mark: 0,
+        wound: 0,
+        place: 0.0,
+        is_elsewhere: false,
+        outwards: DVec3::ZERO,
+        half_gap: 0.0,
+        lip: 0.0,
+        set: 0.0,
+        most: MOST[1],
+        pushed: 0.0,
+        off: 0.0,
+        step: 0.0,
+    };
+
     /// What the lip counts for: an end that gapes is seen more than a middle that is a little narrow.
-    fn weight(&self, half_gap: f64) -> f64 {
-        half_gap / (0.25 * half_gap + self.lip)
+    fn weight(&self) -> f64 {
+        self.half_gap / (0.25 * self.half_gap + self.lip)
+    }
+
+    /// How much of what the particle is set moves this lip outwards, if it moves the lip by all of it.
+    fn share_of(&self, particle: &Self) -> f64 {
+        let cosine = particle.outwards.dot(self.outwards);
+        if particle.wound == self.wound { cosine } else { cosine * share_against(cosine) }
     }
 }
 
@@ -106,15 +152,17 @@ impl Lens {
         fit(&mut self.place_of, particles, NONE);
         self.marks.reserve(MARKS);
         self.shares.reserve(SHARES * MARKS);
+        self.crossed.reserve(MOST_CROSSED);
         self.leg.reserve(2 * MOST_LIPS);
     }
 
     /// Sets the rest displacements of a wound: a parabola along its open metres, closed behind. It is half the gap at the middle and nothing
-    /// at the ends; an end where lips do not meet is as wide as the middle would be. Tells the particles whose displacement changed.
+    /// at the ends; an end where lips do not meet is as wide as the middle would be. Once the blade has left, older wounds whose lips it
+    /// pushes at stay as wide as they were. Tells the particles whose displacement changed.
     pub(super) fn displace_wound(
         &mut self,
         (map, rest): (&mut ParticleMap, &[DVec3]),
-        strips: &Strips,
+        strips: &mut Strips,
         wound: &WoundSettings,
         opening: Opening,
         mut changed: impl FnMut(ParticleId),
@@ -122,9 +170,16 @@ impl Lens {
         let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * (opening.open[1] - opening.open[0]).max(0.0));
         self.list((map, rest), strips, wound, opening, half_gap);
         if opening.is_done && half_gap > 0.0 {
-            let pace = self.weigh(map, half_gap);
+            for m in &self.marks {
+                let mark = strips.wounds[m.mark as usize];
+                if mark.lip != m.lip as f32 {
+                    strips.wounds.set(m.mark as usize, WoundMark { lip: m.lip as f32, ..mark });
+                }
+            }
+            self.list_crossed(map, strips, opening.wound);
+            let pace = self.weigh(map);
             for _ in 0..ROUNDS {
-                if !self.round(half_gap, pace) {
+                if !self.round(pace) {
                     break;
                 }
             }
@@ -154,7 +209,7 @@ impl Lens {
         fit(&mut self.place_of, map.len(), NONE);
         self.marks.clear();
         let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
-        for mark in strips.marks_of(opening.wound) {
+        for (i, mark) in strips.marks_of(opening.wound) {
             let particle = mark.particle;
             let Some(&anchor) = map.anchors.get(particle.index()).filter(|a| a.is_some()) else { continue };
             let place = strips.place_of(mark).0;
@@ -163,8 +218,17 @@ impl Lens {
                 (first, last) = (first.min(place), last.max(place));
             }
             let outwards = strips.geometry(mark.strip as usize).normal() * f64::from(mark.side);
-            self.place_of[particle.index()] = self.marks.len() as u32;
-            self.marks.push(Marked { particle, anchor, place, is_elsewhere, outwards, lip: 0.0, set: 0.0, off: 0.0, step: 0.0 });
+            self.push(Marked {
+                particle,
+                anchor,
+                mark: i as u32,
+                wound: opening.wound,
+                place,
+                is_elsewhere,
+                outwards,
+                half_gap,
+                ..Marked::NONE
+            });
         }
         // What the blade cut of another skin may end before the wound does, whose lips meet where it ends: there that one's do.
         let (first, last) = (first - 0.5 * wound.spacing, last + 0.5 * wound.spacing);
@@ -177,21 +241,84 @@ impl Lens {
         }
     }
 
-    /// Collects what moves each lip, and how far the iteration may go in a round.
-    fn weigh(&mut self, map: &ParticleMap, half_gap: f64) -> f64 {
-        self.shares.clear();
-        for (i, lip) in self.marks.iter().enumerate() {
-            // what an older wound does to the lip is that one's
-            for influence in map.influences.row(lip.anchor.index()) {
-                let k = self.place_of[influence.particle.index()];
-                if let Some(m) = self.marks.get(k as usize) {
-                    let share = m.outwards.dot(lip.outwards) * f64::from(influence.weight);
-                    self.shares.push(Share { lip: i as u32, particle: k, share });
-                }
+    fn push(&mut self, marked: Marked) {
+        self.place_of[marked.particle.index()] = self.marks.len() as u32;
+        self.marks.push(marked);
+    }
+
+    /// Collects the particles of older wounds that stand open with lips that this one's particles move: across a wound that another crosses
+    /// its lens pushes one lip farther than the other, towards it where the skin between both is a wedge.
+    fn list_crossed(&mut self, map: &ParticleMap, strips: &Strips, wound: u32) {
+        self.crossed.clear();
+        let of = |mark: &WoundMark| strips.as_slice()[mark.strip as usize].wound;
+        let anchor = |mark: &WoundMark| map.anchors.get(mark.particle.index()).copied().filter(|a| a.is_some());
+        for mark in strips.wounds.iter().filter(|m| m.lip > 0.0) {
+            let other = of(mark);
+            if other == wound || self.crossed.contains(&other) || self.crossed.len() == MOST_CROSSED {
+                continue;
+            }
+            let Some(anchor) = anchor(mark) else { continue };
+            let is_own = |p: ParticleId| self.place_of[p.index()] != NONE;
+            if map.influences.row(anchor.index()).iter().any(|i| is_own(i.particle)) {
+                self.crossed.push(other);
             }
         }
+        if self.crossed.is_empty() {
+            return;
+        }
+        let own = self.marks.len();
+        for (i, mark) in strips.wounds.iter().enumerate() {
+            let (wound, particle) = (of(mark), mark.particle);
+            if !self.crossed.contains(&wound) {
+                continue;
+            }
+            let Some(anchor) = anchor(mark) else { continue };
+            let outwards = strips.geometry(mark.strip as usize).normal() * f64::from(mark.side);
+            let set = outwards.dot(DVec3::from_array(map.rest_displacement[particle.index()]));
+            self.push(Marked {
+                particle,
+                anchor,
+                mark: i as u32,
+                wound,
+                outwards,
+                lip: f64::from(mark.lip),
+                set,
+                ..Marked::NONE
+            });
+        }
+        for &wound in &self.crossed {
+            let lips = strips.wounds.iter().filter(|m| of(m) == wound).map(|m| m.lip);
+            let widest = f64::from(lips.fold(0.0, f32::max));
+            self.marks[own..].iter_mut().filter(|m| m.wound == wound).for_each(|m| m.half_gap = widest);
+        }
+    }
+
+    /// Collects what moves each lip, and how far the iteration may go in a round.
+    fn weigh(&mut self, map: &ParticleMap) -> f64 {
+        self.shares.clear();
+        for i in 0..self.marks.len() {
+            let (lip, mut pushed, mut most) = (self.marks[i], 0.0, self.marks[i].most);
+            for influence in map.influences.row(lip.anchor.index()) {
+                let (k, weight) = (self.place_of[influence.particle.index()], f64::from(influence.weight));
+                if let Some(m) = self.marks.get_mut(k as usize) {
+                    self.shares.push(Share { lip: i as u32, particle: k, share: lip.share_of(m) * weight });
+                    if m.wound != lip.wound {
+                        m.most = MOST_IN_CROSSING;
+                        most = MOST_IN_CROSSING;
+                    }
+                    continue;
+                }
+                let push = DVec3::from_array(map.rest_displacement[influence.particle.index()]);
+                if let Some(way) = push.try_normalize() {
+                    let cosine = way.dot(lip.outwards);
+                    most = MOST_IN_CROSSING;
+                    pushed += weight * share_against(cosine) * push.length() * cosine;
+                }
+            }
+            (self.marks[i].pushed, self.marks[i].most) = (pushed, self.marks[i].most.min(most));
+        }
         for &Share { lip, particle, share } in &self.shares {
-            let weight = self.marks[lip as usize].weight(half_gap);
+            let weight = self.marks[lip as usize].weight();
             self.marks[particle as usize].step += share.abs() * weight;
         }
         let largest = self.marks.iter().map(|m| m.step).fold(1.0, f64::max);
@@ -199,24 +326,24 @@ impl Lens {
     }
 
     /// One round. False if no lip is off by more than [`CLOSE`].
-    fn round(&mut self, half_gap: f64, pace: f64) -> bool {
+    fn round(&mut self, pace: f64) -> bool {
         for m in &mut self.marks {
-            (m.off, m.step) = (m.lip, 0.0);
+            (m.off, m.step) = (m.lip - m.pushed, 0.0);
         }
         for &Share { lip, particle, share } in &self.shares {
             self.marks[lip as usize].off -= self.marks[particle as usize].set * share;
         }
-        if self.marks.iter().all(|m| m.off.abs() <= CLOSE * half_gap) {
+        if self.marks.iter().all(|m| m.off.abs() <= CLOSE * m.half_gap) {
             return false;
         }
         for m in &mut self.marks {
-            m.off *= m.weight(half_gap);
+            m.off *= m.weight();
         }
         for &Share { lip, particle, share } in &self.shares {
             self.marks[particle as usize].step += share * self.marks[lip as usize].off;
         }
         for m in &mut self.marks {
-            m.set = (m.set + m.step * pace).clamp(MOST[0] * half_gap, MOST[1] * half_gap);
+            m.set = (m.set + m.step * pace).clamp(MOST[0] * m.half_gap, m.most * m.half_gap);
         }
         true
     }

@@ -47,8 +47,8 @@ pub struct WoundMark {
     pub along: f64,
     /// +1 or -1, as [`LipSide::side`].
     pub side: i32,
-    /// Zero; keeps the layout explicit.
-    pub padding: u32,
+    /// How far out its lip belongs since the blade has left the wound, metres; 0 before.
+    pub lip: f32,
 }
 
 /// Why a strip was refused.

@@ -166,7 +166,7 @@ fn bad_strips_are_refused_and_bad_states_found() {
     strips.set_lip(VertexId(0), 5, 1);
     assert!(strips.validate().unwrap_err().contains("lip"));
     let mut strips = good.clone();
-    strips.wounds.push(WoundMark { particle: ParticleId(0), strip: 4, along: 0.0, side: 1, padding: 0 });
+    strips.wounds.push(WoundMark { particle: ParticleId(0), strip: 4, along: 0.0, side: 1, lip: 0.0 });
     assert!(strips.validate().unwrap_err().contains("wound"));
     let mut strips = good.clone();
     Arc::make_mut(&mut strips.derived).geometry.clear();

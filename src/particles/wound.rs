@@ -129,7 +129,7 @@ fn is_held(update: &Update<'_, '_>, wound: u32, (place, at): (f64, DVec3), on: O
     };
     let anchor = |m: &WoundMark| update.map.anchors[m.particle.index()];
     let is_there = |v: VertexId| v.is_some() && update.rest[v.index()].distance(at) < spacing;
-    update.strips.marks_of(wound).any(|m| is_near(m) && is_there(anchor(m)))
+    update.strips.marks_of(wound).any(|(_, m)| is_near(m) && is_there(anchor(m)))
 }
 
 /// What stands open of a wound while its newest strip is this one: all but the front, or what was open before the blade came.
@@ -277,7 +277,7 @@ fn is_beyond(update: &Update<'_, '_>, k: usize, t: VertexId, v: VertexId) -> boo
 pub(super) fn add_marked(update: &mut Update<'_, '_>, k: usize, (vertex, side): (VertexId, i8), along: f64) {
     let outwards = update.strips.geometry(k).normal() * f64::from(side);
     let particle = update.add_particle(vertex, outwards * (LEAST_SHARE * update.settings.wound.gap));
-    update.strips.wounds.push(WoundMark { particle, strip: k as u32, along, side: i32::from(side), padding: 0 });
+    update.strips.wounds.push(WoundMark { particle, strip: k as u32, along, side: i32::from(side), lip: 0.0 });
 }
 
 /// How many more wound particles a wound may have.

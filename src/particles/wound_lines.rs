@@ -101,9 +101,9 @@ impl Strips {
         (first..self.len()).filter(move |&k| self.strips[k].wound == wound)
     }
 
-    /// Marks of a wound, newest first.
-    pub(super) fn marks_of(&self, wound: u32) -> impl Iterator<Item = &WoundMark> {
-        self.wounds.iter().rev().filter(move |m| self.strips[m.strip as usize].wound == wound)
+    /// Marks of a wound and their places among all, newest first.
+    pub(super) fn marks_of(&self, wound: u32) -> impl Iterator<Item = (usize, &WoundMark)> {
+        self.wounds.iter().enumerate().rev().filter(move |(_, m)| self.strips[m.strip as usize].wound == wound)
     }
 
     /// Where a mark lies on its wound's line, metres, and on which side of that: a strip that runs back has its own other way round.
@@ -115,6 +115,6 @@ impl Strips {
     /// True if a wound particle is less than `near` metres from a place on a wound's line.
     pub(super) fn is_held(&self, map: &ParticleMap, wound: u32, place: f64, near: f64) -> bool {
         let lives = |m: &WoundMark| map.anchors.get(m.particle.index()).is_some_and(|a| a.is_some());
-        self.marks_of(wound).any(|m| (self.place_of(m).0 - place).abs() < near && lives(m))
+        self.marks_of(wound).any(|(_, m)| (self.place_of(m).0 - place).abs() < near && lives(m))
     }
 }

@@ -3,6 +3,7 @@
 use super::lips::{folded_skin, strains_along_lips};
 use super::*;
 use crate::common::border_loops;
+use incise::particles::LipSide;
 
 /// A slit across an open wound leaves it open: without width its first strips on the other side were bound together with those of the
 /// wound, which was set anew as if the blade were still in it, and one of its arms closed.
@@ -114,4 +115,71 @@ fn strips_across_a_wound_go_the_way_of_the_blade() {
         }
         assert!(all_folded < 1.5e-3 * scale * scale, "{name}, beats {beats}: {all_folded} square metres are folded over");
     }
+}
+
+/// A blade across an open wound at an angle draws the lips of its arms along, and where the skin between both is a wedge it draws that side the
+/// more: the outer half of such an arm was pressed shut, its lips by up to 6 mm into each other. Each wound keeps its own lens.
+#[test]
+fn a_stroke_obliquely_across_a_wound_shuts_none_of_its_arms() {
+    let top = 0.06;
+    let [from, to] = [DVec3::new(-0.03, 0.03, -0.005), DVec3::new(0.03, 0.03, 0.005)];
+    let along = (to - from).normalize();
+    let across = DVec3::new(along.z, 0.0, -along.x);
+    for degrees in [25.0, 40.0, 60.0, 90.0, 120.0, 140.0, 155.0_f64] {
+        for share in [0.3, 0.5] {
+            let mut scene = users_scene("beam", 2_816, 0.0);
+            scene.set_wall(WallMode::Open);
+            stroke_down_the_top(&mut scene, 0.0, [from, to]);
+            let opened = |scene: &Scene| arm_openings(scene, (from.with_y(top), along, across));
+            let before = opened(&scene);
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let (middle, way) = (from.lerp(to, share), (0.025 / sin).min(0.06) * DVec3::new(cos, 0.0, sin));
+            stroke_down_the_top(&mut scene, 2.0, [middle - way, middle + way]);
+            let crossing = (middle - from).dot(along);
+            let arms = |all: Vec<(f64, f64)>| all.into_iter().filter(move |p| (p.0 - crossing).abs() > 0.004);
+            let least = arms(opened(&scene)).map(|p| p.1).fold(f64::INFINITY, f64::min);
+            let told = format!("at {degrees} degrees, {share}");
+            assert!(arms(before).all(|p| p.1 > 0.0005), "{told}: it stood open");
+            let is_acute = sin < 0.5 && cos > 0.0;
+            assert!(least > if is_acute { -0.001 } else { 0.0005 }, "{told}: lips are {least} metres apart");
+        }
+    }
+}
+
+/// A stroke down through a bar's top, a second in all, and time for its wound to open.
+fn stroke_down_the_top(scene: &mut Scene, begins: f64, [from, to]: [DVec3; 2]) {
+    scene.edit(EditCommand::StrokeBegin { width: 0.002 });
+    for k in 0..170 {
+        let t = begins + f64::from(k) * STEP;
+        let tip = from.lerp(to, f64::from(k.min(90)) / 90.0);
+        if k <= 90 {
+            scene.edit(EditCommand::StrokePose(BladePose { t, tip, base: tip + 0.23 * DVec3::Y }));
+        }
+        if k == 90 {
+            scene.edit(EditCommand::StrokeEnd);
+        }
+        scene.pose(t, 0.0);
+        scene.step(STEP);
+    }
+}
+
+/// How far the lips of the first wound in a bar's top have moved apart, every 2 mm along it, by what lies between those on either side.
+fn arm_openings(scene: &Scene, (origin, along, across): (DVec3, DVec3, DVec3)) -> Vec<(f64, f64)> {
+    let tissue = only(scene);
+    let (rest, strips) = (tissue.rest_positions(), &tissue.layer().unwrap().strips);
+    let mut sides: [Vec<(f64, f64)>; 2] = Default::default();
+    for v in tissue.mesh().live_vertices().filter(|v| rest[v.index()].y > origin.y - 1e-4) {
+        let of_first = |lip: &&LipSide| strips.as_slice()[lip.strip as usize].wound == 0;
+        if let Some(lip) = strips.lip_sides(v).iter().find(of_first) {
+            let moved = (tissue.position(v) - rest[v.index()]).dot(across);
+            sides[usize::from(lip.side > 0)].push(((rest[v.index()] - origin).dot(along), moved));
+        }
+    }
+    sides.iter_mut().for_each(|side| side.sort_by(|a, b| a.0.total_cmp(&b.0)));
+    let at = |side: &[(f64, f64)], x: f64| {
+        let [a, b] = side.windows(2).map(|w| [w[0], w[1]]).find(|[a, b]| a.0 <= x && x <= b.0)?;
+        Some(a.1 + (b.1 - a.1) * (x - a.0) / (b.0 - a.0).max(f64::MIN_POSITIVE))
+    };
+    let opening = |x: f64| Some((x, at(&sides[0], x)? - at(&sides[1], x)?));
+    (2..30).filter_map(|k| opening(0.002 * f64::from(k))).collect()
 }
