@@ -37,7 +37,7 @@ pub struct PoseArgs {
     /// Animation that poses the model (default: the rest pose).
     #[arg(long, value_name = "NAME")]
     pub animation: Option<String>,
-    /// Time in the animation, seconds.
+    /// Time in the animation, seconds. It goes round: past its end it begins anew, and at its end it is at its start.
     #[arg(long, value_name = "SECONDS", default_value_t = 0.0, allow_negative_numbers = true)]
     pub time: f64,
 }

@@ -1,7 +1,7 @@
 //! Writes a binary glTF file: nodes, meshes, skins, animations, materials. The same input gives the same bytes.
 
 use super::FormatError;
-use super::material::{Material, Texture, encode_png};
+use super::material::{AlphaMode, Material, Sampler, Texture, encode_png};
 use crate::rig::{Animation, Interpolation, LocalTransform, Node, Property};
 use glam::{DAffine3, DVec3};
 use serde_json::{Map, Value, json};
@@ -79,6 +79,7 @@ pub(crate) fn write(scene: &GlbScene<'_>) -> Result<Vec<u8>, FormatError> {
         ("animations", animations),
         ("materials", materials),
         ("textures", writer.textures),
+        ("samplers", writer.samplers),
         ("images", writer.images),
         ("accessors", writer.accessors),
         ("bufferViews", writer.views),
@@ -197,6 +198,7 @@ struct Writer {
     accessors: Vec<Value>,
     images: Vec<Value>,
     textures: Vec<Value>,
+    samplers: Vec<Value>,
 }
 
 impl Writer {
@@ -340,29 +342,66 @@ impl Writer {
     }
 
     fn materials(&mut self, materials: &[Material]) -> Result<Vec<Value>, FormatError> {
-        let mut written: Vec<Arc<Texture>> = Vec::new();
+        let mut pictures: Vec<Arc<Texture>> = Vec::new();
+        let mut textures: Vec<(usize, Sampler)> = Vec::new();
         let mut out = Vec::new();
         for material in materials {
             let mut pbr = json!({ "baseColorFactor": material.base_colour, "metallicFactor": 0.0, "roughnessFactor": 0.6 });
-            if let Some(texture) = &material.texture {
-                let known = written.iter().position(|t| Arc::ptr_eq(t, texture) || t == texture);
-                let index = known.unwrap_or(written.len());
+            if let Some(picture) = &material.texture {
+                let known = pictures.iter().position(|t| Arc::ptr_eq(t, picture) || t == picture);
+                let image = known.unwrap_or(pictures.len());
                 if known.is_none() {
-                    let png = encode_png(texture).map_err(|detail| FormatError::Encode { detail })?;
+                    let png = encode_png(picture).map_err(|detail| FormatError::Encode { detail })?;
                     let view = self.view(&png, None);
-                    self.textures.push(json!({ "source": self.images.len() }));
                     self.images.push(json!({ "bufferView": view, "mimeType": "image/png" }));
-                    written.push(texture.clone());
+                    pictures.push(picture.clone());
                 }
-                pbr["baseColorTexture"] = json!({ "index": index });
+                let texture = (image, material.sampler);
+                let known = textures.iter().position(|t| *t == texture);
+                pbr["baseColorTexture"] = json!({ "index": known.unwrap_or(textures.len()) });
+                if known.is_none() {
+                    textures.push(texture);
+                }
             }
             let mut value = json!({ "pbrMetallicRoughness": pbr, "doubleSided": material.double_sided });
+            match material.alpha {
+                AlphaMode::Opaque => {}
+                AlphaMode::Mask(cutoff) => {
+                    value["alphaMode"] = json!("MASK");
+                    value["alphaCutoff"] = json!(cutoff);
+                }
+                AlphaMode::Blend => value["alphaMode"] = json!("BLEND"),
+            }
             if !material.name.is_empty() {
                 value["name"] = json!(material.name);
             }
             out.push(value);
         }
+        self.textures(&textures);
         Ok(out)
+    }
+
+    /// Textures by image and sampler; a sampler that asks for nothing is not written.
+    fn textures(&mut self, textures: &[(usize, Sampler)]) {
+        let mut samplers: Vec<Sampler> = Vec::new();
+        for &(image, sampler) in textures {
+            let mut texture = json!({ "source": image });
+            if sampler != Sampler::default() {
+                let known = samplers.iter().position(|s| *s == sampler);
+                texture["sampler"] = json!(known.unwrap_or(samplers.len()));
+                samplers.extend(known.is_none().then_some(sampler));
+            }
+            self.textures.push(texture);
+        }
+        for sampler in samplers {
+            let mut value = json!({ "wrapS": sampler.wrap[0], "wrapT": sampler.wrap[1] });
+            for (key, filter) in [("magFilter", sampler.magnified), ("minFilter", sampler.minified)] {
+                if let Some(filter) = filter {
+                    value[key] = json!(filter);
+                }
+            }
+            self.samplers.push(value);
+        }
     }
 }
 

@@ -47,8 +47,9 @@ pub struct ExportReport {
 /// embedded vertices the rest position is solved so that they are exact in `pose`.
 pub fn export_glb(rig: &Rig, pieces: &[ExportPiece<'_>], pose: &Pose) -> Result<(Vec<u8>, ExportReport), FormatError> {
     let origin = file_origin(rig, pieces);
-    let mut export = Export::new(rig, origin);
-    let vertices: Vec<Vec<Option<PlainVertex>>> = pieces.iter().map(|p| plain_vertices(export.shift, p, pose)).collect();
+    let shift = rig.origin - origin;
+    let vertices: Vec<Vec<Option<PlainVertex>>> = pieces.iter().map(|p| plain_vertices(shift, p, pose)).collect();
+    let mut export = Export::new(rig, origin, &joined_skins(rig, pieces, &vertices));
     for (piece, vertices) in pieces.iter().zip(&vertices) {
         export.piece(piece, vertices)?;
     }
@@ -69,6 +70,26 @@ fn plain_vertices(shift: DVec3, piece: &ExportPiece<'_>, pose: &Pose) -> Vec<Opt
     let rounded = |v: PlainVertex| PlainVertex { rest: (v.rest + shift).as_vec3().as_dvec3() - shift, ..v };
     let live = |v: usize| piece.mesh.vertex_is_live(VertexId::new(v));
     (0..piece.mesh.vertex_slots()).map(|v| live(v).then(|| rounded(plain(piece.rows, pose, VertexId::new(v))))).collect()
+}
+
+/// The first of the rig's skins that each is written with: those that the corners of a face have between them. Each by itself
+/// would have to hold joints of the other, and a reader, who cannot know them for the same, would have them twice.
+fn joined_skins(rig: &Rig, pieces: &[ExportPiece<'_>], vertices: &[Vec<Option<PlainVertex>>]) -> Vec<usize> {
+    let mut first: Vec<usize> = (0..rig.skins.len()).collect();
+    for (piece, vertices) in pieces.iter().zip(vertices).filter(|_| rig.skins.len() > 1) {
+        for f in piece.mesh.live_faces() {
+            let bones = piece.mesh.face(f).into_iter().filter_map(|v| vertices[v.index()].as_ref()).flat_map(|v| &v.bones);
+            let mut skins = bones.filter(|b| b.0 != STATIC).filter_map(|b| rig.joints[b.0 as usize].skin).map(|s| s as usize);
+            let Some(one) = skins.next() else { continue };
+            for other in skins {
+                let (a, b) = (first[one], first[other]);
+                if a != b {
+                    first.iter_mut().filter(|s| **s == a.max(b)).for_each(|s| *s = a.min(b));
+                }
+            }
+        }
+    }
+    first
 }
 
 fn deviation(rig: &Rig, pieces: &[ExportPiece<'_>], vertices: &[Vec<Option<PlainVertex>>], pose: &Pose) -> ExportReport {
@@ -132,13 +153,20 @@ struct Export<'a> {
     scene: GlbScene<'a>,
     /// Position in its skin of each joint, for each skin to be written.
     locals: Vec<BTreeMap<u32, u16>>,
+    /// Skin to be written of each of the rig's.
+    skins: Vec<usize>,
+    /// Where nodes are in the rest pose, and which of them an animation may move.
+    worlds: Vec<DAffine3>,
+    moves: Vec<bool>,
     /// Which skin of the file carries rigid joints, once there is one.
     rigid_skin: Option<usize>,
     marks: usize,
 }
 
 impl<'a> Export<'a> {
-    fn new(rig: &'a Rig, origin: DVec3) -> Self {
+    fn new(rig: &'a Rig, origin: DVec3, joined: &[usize]) -> Self {
+        let mut scratch = PoseScratch::default();
+        rig.pose_nodes(None, 0.0, &mut scratch);
         let mut nodes = rig.nodes.clone();
         for node in nodes.iter_mut().filter(|_| origin != DVec3::ZERO) {
             if let LocalTransform::Trs(trs) = &mut node.local {
@@ -150,11 +178,18 @@ impl<'a> Export<'a> {
             shift: rig.origin - origin,
             scene: GlbScene { nodes, animations: &rig.animations, mesh_origin: origin, ..GlbScene::default() },
             locals: Vec::new(),
+            skins: Vec::new(),
+            worlds: scratch.worlds().to_vec(),
+            moves: rig.moving_nodes(),
             rigid_skin: None,
             marks: 0,
         };
-        for skin in &rig.skins {
-            let index = export.add_skin(skin.name.clone(), skin.skeleton);
+        for (k, skin) in rig.skins.iter().enumerate() {
+            let index = match joined[k] < k {
+                true => export.skins[joined[k]],
+                false => export.add_skin(skin.name.clone(), skin.skeleton),
+            };
+            export.skins.push(index);
             for &joint in &skin.joints {
                 export.local(index, joint);
             }
@@ -174,6 +209,12 @@ impl<'a> Export<'a> {
         if let Some(&local) = self.locals[skin].get(&joint) {
             return local;
         }
+        if joint == STATIC
+            && let Some(still) = self.still_joint(skin)
+        {
+            self.locals[skin].insert(STATIC, still);
+            return still;
+        }
         let (mut node, inverse_bind) = match joint {
             STATIC => (u32::MAX, DAffine3::IDENTITY),
             _ => (self.rig.joints[joint as usize].node, self.rig.joints[joint as usize].inverse_bind),
@@ -191,13 +232,22 @@ impl<'a> Export<'a> {
         local
     }
 
+    /// A joint of a skin of the file that leaves vertices where they are, such as an earlier export has added.
+    fn still_joint(&self, skin: usize) -> Option<u16> {
+        let is_still = |joint: u32| {
+            let joint = &self.rig.joints[joint as usize];
+            !self.moves[joint.node as usize] && self.worlds[joint.node as usize] * joint.inverse_bind == DAffine3::IDENTITY
+        };
+        self.locals[skin].iter().find(|(joint, _)| **joint != STATIC && is_still(**joint)).map(|(_, local)| *local)
+    }
+
     /// The skin of the file that a face goes to; `None` for a face that nothing moves.
     fn skin_of(&mut self, corners: [VertexId; 3], vertices: &[Option<PlainVertex>]) -> Option<usize> {
         let mut rigid = false;
         for (joint, _) in corners.iter().filter_map(|v| vertices[v.index()].as_ref()).flat_map(|v| &v.bones) {
             if *joint != STATIC {
                 match self.rig.joints[*joint as usize].skin {
-                    Some(skin) => return Some(skin as usize),
+                    Some(skin) => return Some(self.skins[skin as usize]),
                     None => rigid = true,
                 }
             }
@@ -282,7 +332,15 @@ impl<'a> Export<'a> {
                 if let Some(skin) = skin {
                     let plain = vertex.map_or(&[][..], |v| &v.bones);
                     let plain = if plain.is_empty() { &[(STATIC, 1.0)][..] } else { plain };
-                    bones.push(plain.iter().map(|&(joint, weight)| (self.local(skin, joint), weight as f32)).collect());
+                    let mut row: Vec<(u16, f32)> = Vec::with_capacity(plain.len());
+                    for &(joint, weight) in plain {
+                        let local = self.local(skin, joint);
+                        match row.iter_mut().find(|b| b.0 == local) {
+                            Some(known) => known.1 += weight as f32,
+                            None => row.push((local, weight as f32)),
+                        }
+                    }
+                    bones.push(row);
                 }
             }
             out.indices.push(*slot);

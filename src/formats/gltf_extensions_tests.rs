@@ -36,8 +36,9 @@ fn channels_without_a_node_are_left_out() {
             root["animations"] = json!([{ "name": "none", "channels": [channel], "samplers": [{ "input": 0, "output": 0 }] }]);
             root["extensionsRequired"] = required;
         });
-        assert_eq!(model.report.warnings, ["animation channels that name no node are left out"]);
-        assert!(model.rig.animations[0].channels.is_empty() && model.rig.animations[0].duration_s == 0.0);
+        let whole = "animations are left out of which nothing that they move is read: none";
+        assert_eq!(model.report.warnings, ["animation channels that name no node are left out", whole]);
+        assert!(model.rig.animations.is_empty(), "nothing that would play for 0 s");
         model.rig.pose_at(Some(0), 1.0);
         assert!(read(&export(&model, &model.rig.rest_pose()).0).unwrap().report.warnings.is_empty());
     }
@@ -94,4 +95,74 @@ fn texture_transforms_are_applied() {
     let unread = with(json!({ "scale": "large" }));
     assert!(unread.report.warnings.len() == 1 && unread.report.warnings[0].contains("KHR_texture_transform"));
     close(laid(&unread), [u, v]);
+}
+
+/// A morph target's weight that goes from 0 to 1 in 2 s, alone or beside a node that is raised in 1 s.
+#[test]
+fn animations_of_morph_targets_alone_are_told_of() {
+    for beside in [false, true] {
+        let model = edited(|root| {
+            let accessors = root["accessors"].as_array_mut().unwrap();
+            let first = accessors.len();
+            accessors.push(json!({ "componentType": 5126, "count": 24, "type": "VEC3" }));
+            for (count, kind) in [(2, "SCALAR"), (2, "VEC3")] {
+                accessors.push(json!({ "componentType": 5126, "count": count, "type": kind }));
+            }
+            root["meshes"][0]["primitives"][0]["targets"] = json!([{ "POSITION": first }]);
+            let channel =
+                |path: &str| json!({ "sampler": usize::from(path != "weights"), "target": { "node": 0, "path": path } });
+            let samplers = json!([{ "input": first + 1, "output": first + 1 }, { "input": first + 1, "output": first + 2 }]);
+            let channels = if beside { json!([channel("weights"), channel("translation")]) } else { json!([channel("weights")]) };
+            root["animations"] = json!([{ "name": "blink", "channels": channels, "samplers": samplers }]);
+        });
+        let told = &model.report.warnings;
+        assert_eq!((model.rig.animations.len(), told.len()), if beside { (1, 1) } else { (0, 2) }, "{told:?}");
+        assert!(told.iter().any(|w| w == "morph targets are left out"));
+        assert!(beside || told[1].ends_with("is read: blink"), "{told:?}");
+    }
+}
+
+#[test]
+fn what_alpha_means_and_how_pictures_are_looked_up_is_kept() {
+    let model = edited(|root| {
+        root["samplers"] = json!([
+            { "wrapS": 33071, "wrapT": 33648, "magFilter": 9728, "minFilter": 9985 },
+            { "wrapS": 7, "magFilter": 7 },
+            {},
+        ]);
+        root["textures"] = json!([{ "source": 0, "sampler": 0 }, { "source": 0, "sampler": 1 }, { "source": 0 }]);
+        let material = |texture: usize, more: Value| {
+            let mut material = more;
+            material["pbrMetallicRoughness"] = json!({ "baseColorTexture": { "index": texture } });
+            material
+        };
+        root["materials"] = json!([
+            material(0, json!({ "alphaMode": "MASK", "alphaCutoff": 0.25 })),
+            material(0, json!({ "alphaMode": "MASK" })),
+            material(1, json!({ "alphaMode": "BLEND" })),
+            material(2, json!({ "alphaMode": "OPAQUE", "alphaCutoff": 0.25 })),
+        ]);
+        let primitives = root["meshes"][0]["primitives"].as_array_mut().unwrap();
+        for material in 1..4 {
+            let mut other = primitives[0].clone();
+            other["material"] = json!(material);
+            primitives.push(other);
+        }
+    });
+    let sampled = Sampler { magnified: Some(9728), minified: Some(9985), wrap: [33071, 33648] };
+    let expected = [
+        (AlphaMode::Mask(0.25), sampled),
+        (AlphaMode::Mask(0.5), sampled),
+        (AlphaMode::Blend, Sampler::default()),
+        (AlphaMode::Opaque, Sampler::default()),
+    ];
+    let told = |m: &Model| m.materials.iter().map(|m| (m.alpha, m.sampler)).collect::<Vec<_>>();
+    assert_eq!(told(&model), expected);
+    let bytes = export(&model, &model.rig.rest_pose()).0;
+    let mut root = Value::Null;
+    edit_json(&bytes, |json| root = json.clone());
+    assert_eq!([&root["images"], &root["textures"], &root["samplers"]].map(|a| a.as_array().unwrap().len()), [1, 2, 1]);
+    let again = read(&bytes).unwrap();
+    assert_eq!(told(&again), expected);
+    assert_eq!(again.materials, model.materials);
 }

@@ -4,19 +4,24 @@ use super::gltf_data::{Document, read_uri};
 use super::gltf_extensions::TextureTransform;
 use super::gltf_primitive::{Attributes, read_attributes, triangles};
 use super::gltf_rig::{self, ImportedRig, warn_once};
-use super::material::{Material, Texture, decode};
+use super::gltf_skins::BindChange;
+use super::material::{AlphaMode, Material, Sampler, Texture, decode};
 use super::stored::{Dress, Stored, StoredFace};
 use super::{FormatError, LoadReport, Model, assemble};
 use crate::geometry::cofactor;
 use crate::rig::{BoneWeight, Joint};
 use glam::{DAffine3, DMat3, DVec3};
 use gltf::json;
+use json::validation::Checked;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
 /// Most stored vertices of a model: beyond this the 32-bit half-edge numbers of its faces would not fit.
 const MAX_VERTICES: usize = 1 << 27;
+
+/// Vertices of different skins that are nearer to each other than this, in diagonals, are in one place.
+const NEAR: f64 = 1e-5;
 
 /// Extensions that do not change how geometry is stored.
 fn harmless(extension: &str) -> bool {
@@ -29,7 +34,7 @@ fn harmless(extension: &str) -> bool {
 /// Reads a .glb or .gltf file; external files are looked up in `folder`.
 pub(crate) fn read(bytes: &[u8], name: &str, folder: Option<&Path>) -> Result<Model, FormatError> {
     let document = Document::parse(bytes, folder)?;
-    let mut report = LoadReport::default();
+    let mut report = LoadReport { skins_stored: document.root.skins.len(), ..LoadReport::default() };
     for extension in &document.root.extensions_required {
         if !harmless(extension) {
             return Err(FormatError::UnsupportedExtension { name: extension.clone() });
@@ -63,6 +68,7 @@ struct Import {
 
 /// What a skinned primitive stored.
 struct Skinned {
+    /// Of the rig.
     skin: usize,
     vertices: Range<usize>,
     faces: Range<usize>,
@@ -98,7 +104,10 @@ impl Import {
             });
             let base_colour = pbr.base_color_factor.0.map(|c| if c.is_finite() { c } else { 1.0 });
             let name = material.name.clone().unwrap_or_default();
-            materials.push(Material { name, base_colour, texture, double_sided: material.double_sided });
+            let named = pbr.base_color_texture.as_ref().and_then(|info| root.textures.get(info.index.value())?.sampler);
+            let sampler = named.and_then(|s| root.samplers.get(s.value())).map(sampler).unwrap_or_default();
+            let alpha = alpha(material);
+            materials.push(Material { name, base_colour, texture, sampler, alpha, double_sided: material.double_sided });
         }
         materials
     }
@@ -119,8 +128,8 @@ impl Import {
             if mesh >= meshes {
                 return Err(FormatError::range(format!("node {file_node}"), "mesh", mesh as u64, meshes));
             }
-            if let Some(skin) = skin.filter(|&s| s >= self.rig.rig.skins.len()) {
-                let skins = self.rig.rig.skins.len();
+            if let Some(skin) = skin.filter(|&s| s >= self.rig.skins.len()) {
+                let skins = self.rig.skins.len();
                 return Err(FormatError::range(format!("node {file_node}"), "skin", skin as u64, skins));
             }
             for index in 0..self.document.root.meshes[mesh].primitives.len() {
@@ -144,7 +153,7 @@ impl Import {
         if material > self.materials || (primitive.material.is_some() && material == self.materials) {
             return Err(FormatError::range(label, "material", material as u64, self.materials));
         }
-        let joints = skin.map(|s| self.rig.rig.skins[s].joints.as_slice());
+        let joints = skin.map(|s| self.rig.skins[s].palette.as_slice());
         let transform = texture_transform(&self.document, primitive, &mut self.report.warnings);
         let uv_set = transform.and_then(|t| t.uv_set).unwrap_or_else(|| uv_set(&self.document.root, primitive));
         let mut attributes = read_attributes(&self.document, primitive, uv_set, joints, &faces, &label)?;
@@ -158,10 +167,12 @@ impl Import {
         let start = self.stored.positions.len();
         let flip = match (skin, attributes.bones.is_empty()) {
             (Some(skin), false) => {
-                self.push_skinned(&attributes);
                 let first = self.stored.faces.len();
-                self.skinned.push(Skinned { skin, vertices: start..total, faces: first..first + faces.len() });
-                false // by its joints: see `normalise_bind_space`
+                let used = &self.rig.skins[skin];
+                self.skinned.push(Skinned { skin: used.skin, vertices: start..total, faces: first..first + faces.len() });
+                let change = used.bind_change;
+                self.push_skinned(&attributes, change);
+                change.mirrors // else by its joints: see `normalise_bind_space`
             }
             _ => self.push_rigid(&attributes, node),
         };
@@ -176,10 +187,10 @@ impl Import {
     }
 
     /// A skinned mesh ignores its own node's transform.
-    fn push_skinned(&mut self, attributes: &Attributes) {
+    fn push_skinned(&mut self, attributes: &Attributes, change: BindChange) {
         for (i, p) in attributes.positions.iter().enumerate() {
-            self.stored.push(widen(*p), attributes.mark(i), attributes.bones(i));
-            self.stored.dresses.push(attributes.dress(i, attributes.normals.get(i).copied()));
+            self.stored.push(change.point(widen(*p)), attributes.mark(i), attributes.bones(i));
+            self.stored.dresses.push(attributes.dress(i, attributes.normals.get(i).map(|&n| change.normal(n))));
         }
     }
 
@@ -217,8 +228,13 @@ impl Import {
         for skin in 0..self.rig.rig.skins.len() {
             self.normalise_bind_space(skin);
         }
+        let still = |j: &u32| {
+            !self.rig.moves[self.rig.rig.joints[*j as usize].node as usize] && self.rest_matrix(*j) == DAffine3::IDENTITY
+        };
+        self.stored.still = (0..self.rig.rig.joints.len() as u32).filter(still).collect();
         let all = self.posed_bounds(0..self.stored.positions.len());
         let origin = assemble::origin_of(all.0, all.1);
+        self.tell_bind_spaces_apart((all.1 - all.0).length());
         let nodes = &self.document.root.nodes;
         let holds_mesh: Vec<bool> = self.rig.file_node.iter().map(|&n| nodes[n as usize].mesh.is_some()).collect();
         let mut rig = self.rig.rig;
@@ -230,14 +246,42 @@ impl Import {
 
     /// Bounds in the pose of the stored node transforms, model space.
     fn posed_bounds(&self, vertices: impl Iterator<Item = usize>) -> (DVec3, DVec3) {
-        let posed = |v: usize| {
-            let (p, bones) = (self.stored.positions[v], self.stored.bones(v));
-            if bones.is_empty() {
-                return p;
+        bounds(vertices.map(|v| self.posed(v)))
+    }
+
+    /// Where a vertex is in that pose.
+    fn posed(&self, v: usize) -> DVec3 {
+        let (p, bones) = (self.stored.positions[v], self.stored.bones(v));
+        if bones.is_empty() {
+            return p;
+        }
+        bones.iter().map(|b| self.rest_matrix(b.joint).transform_point3(p) * f64::from(b.weight)).sum()
+    }
+
+    /// Rest positions of different skins may be equal in numbers and yet in different places, as those of a mesh that two
+    /// figures wear: they are told apart by where the stored pose puts them. `diagonal` is that of the model.
+    fn tell_bind_spaces_apart(&mut self, diagonal: f64) {
+        let mut space = vec![0u32; self.stored.positions.len()]; // all that is rigid is in model space
+        for skinned in &self.skinned {
+            space[skinned.vertices.clone()].fill(skinned.skin as u32 + 1);
+        }
+        if space.windows(2).all(|w| w[0] == w[1]) {
+            return;
+        }
+        let key = |v: u32| ((self.stored.positions[v as usize] + 0.0).to_array().map(f64::to_bits), space[v as usize]);
+        let mut order: Vec<u32> = (0..space.len() as u32).collect();
+        order.sort_unstable_by_key(|&v| (key(v), v));
+        let mut places = vec![0u32; space.len()];
+        for run in order.chunk_by(|&a, &b| key(a).0 == key(b).0).filter(|run| key(run[0]).1 != key(run[run.len() - 1]).1) {
+            let mut seen: Vec<DVec3> = Vec::new();
+            for copies in run.chunk_by(|&a, &b| key(a).1 == key(b).1) {
+                let here = self.posed(copies[0] as usize);
+                let known = seen.iter().position(|there| there.distance(here) <= NEAR * diagonal);
+                copies.iter().for_each(|&v| places[v as usize] = known.unwrap_or(seen.len()) as u32);
+                seen.extend(known.is_none().then_some(here));
             }
-            bones.iter().map(|b| self.rest_matrix(b.joint).transform_point3(p) * f64::from(b.weight)).sum()
-        };
-        bounds(vertices.map(posed))
+        }
+        self.stored.places = places;
     }
 
     fn rest_matrix(&self, joint: u32) -> DAffine3 {
@@ -314,6 +358,26 @@ fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
 
 fn widen(p: [f32; 3]) -> DVec3 {
     DVec3::from_array(p.map(f64::from))
+}
+
+/// What a material says about alpha; opaque where that is unknown.
+fn alpha(material: &json::Material) -> AlphaMode {
+    match material.alpha_mode {
+        Checked::Valid(json::material::AlphaMode::Mask) => AlphaMode::Mask(material.alpha_cutoff.unwrap_or_default().0),
+        Checked::Valid(json::material::AlphaMode::Blend) => AlphaMode::Blend,
+        _ => AlphaMode::Opaque,
+    }
+}
+
+/// A sampler without what is unknown in it.
+fn sampler(sampler: &json::texture::Sampler) -> Sampler {
+    let wrap = [sampler.wrap_s, sampler.wrap_t].map(|wrap| match wrap {
+        Checked::Valid(wrap) => wrap.as_gl_enum(),
+        Checked::Invalid => Sampler::REPEAT,
+    });
+    let magnified = sampler.mag_filter.and_then(|f| if let Checked::Valid(f) = f { Some(f.as_gl_enum()) } else { None });
+    let minified = sampler.min_filter.and_then(|f| if let Checked::Valid(f) = f { Some(f.as_gl_enum()) } else { None });
+    Sampler { magnified, minified, wrap }
 }
 
 /// The texture coordinate set that the material's base colour texture names.

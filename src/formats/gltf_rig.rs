@@ -2,7 +2,8 @@
 
 use super::FormatError;
 use super::gltf_data::Document;
-use crate::rig::{Animation, Channel, Interpolation, Joint, Keys, LocalTransform, Node, PoseScratch, Property, Rig, Skin, Trs};
+use super::gltf_skins::{self, Listed, SkinUse};
+use crate::rig::{Animation, Channel, Interpolation, Keys, LocalTransform, Node, PoseScratch, Property, Rig, Trs};
 use glam::{DAffine3, DMat3, DVec3, DVec4};
 use gltf::json;
 use json::validation::Checked;
@@ -11,6 +12,8 @@ use json::validation::Checked;
 #[derive(Debug, Default)]
 pub(crate) struct ImportedRig {
     pub rig: Rig,
+    /// What the file's skins are in the rig.
+    pub skins: Vec<SkinUse>,
     /// Rig node of each node of the file, `u32::MAX` where it is not part of the model.
     pub node_of: Vec<u32>,
     /// File node of each rig node.
@@ -39,14 +42,18 @@ pub(crate) fn read(document: &Document, warnings: &mut Vec<String>) -> Result<Im
         }
     }
     out.file_node.iter().for_each(|&node| warn_of_transform(&root.nodes[node as usize], warnings));
-    for (index, skin) in root.skins.iter().enumerate() {
-        add_skin(document, index, skin, &mut out)?;
-    }
+    let skins = root.skins.iter().enumerate().map(|(index, skin)| listed(document, index, skin, &out.node_of));
+    let skins = skins.collect::<Result<Vec<_>, _>>()?;
+    out.skins = gltf_skins::add(&mut out.rig, &skins);
+    let mut still = Vec::new();
     for (index, animation) in root.animations.iter().enumerate() {
         let animation = read_animation(document, index, animation, &out.node_of, warnings)?;
-        out.rig.animations.push(animation);
+        if animation.channels.is_empty() { still.push(animation.name) } else { out.rig.animations.push(animation) }
     }
-    mark_moving(&mut out);
+    if !still.is_empty() {
+        warnings.push(format!("animations are left out of which nothing that they move is read: {}", still.join(", ")));
+    }
+    out.moves = out.rig.moving_nodes();
     let mut scratch = PoseScratch::default();
     out.rig.pose_nodes(None, 0.0, &mut scratch);
     out.worlds = scratch.worlds().to_vec();
@@ -146,7 +153,7 @@ fn affine(m: &[f32; 16]) -> DAffine3 {
     DAffine3 { matrix3: DMat3::from_cols(column(0), column(1), column(2)), translation: column(3) }
 }
 
-fn add_skin(document: &Document, index: usize, skin: &json::Skin, out: &mut ImportedRig) -> Result<(), FormatError> {
+fn listed(document: &Document, index: usize, skin: &json::Skin, node_of: &[u32]) -> Result<Listed, FormatError> {
     if skin.joints.is_empty() {
         return Err(FormatError::gltf(format!("skin {index} has no joints")));
     }
@@ -164,12 +171,10 @@ fn add_skin(document: &Document, index: usize, skin: &json::Skin, out: &mut Impo
         if !inverse_bind.is_finite() {
             return Err(FormatError::NotFinite { what: format!("inverse bind matrix {k} of skin {index}") });
         }
-        joints.push(out.rig.joints.len() as u32);
-        out.rig.joints.push(Joint { node: out.node_of[node.value()], inverse_bind, skin: Some(index as u32) });
+        joints.push((node_of[node.value()], inverse_bind));
     }
-    let skeleton = skin.skeleton.and_then(|n| out.node_of.get(n.value())).copied().filter(|&n| n != u32::MAX);
-    out.rig.skins.push(Skin { name: skin.name.clone(), joints, skeleton });
-    Ok(())
+    let skeleton = skin.skeleton.and_then(|n| node_of.get(n.value())).copied().filter(|&n| n != u32::MAX);
+    Ok(Listed { name: skin.name.clone(), joints, skeleton })
 }
 
 fn json_identity() -> [f32; 16] {
@@ -244,16 +249,6 @@ fn read_keys(
         return Err(FormatError::gltf(detail));
     }
     Ok(keys)
-}
-
-fn mark_moving(out: &mut ImportedRig) {
-    out.moves = vec![false; out.rig.nodes.len()];
-    for channel in out.rig.animations.iter().flat_map(|a| &a.channels) {
-        out.moves[channel.node as usize] = true;
-    }
-    for (i, node) in out.rig.nodes.iter().enumerate() {
-        out.moves[i] |= node.parent.is_some_and(|p| out.moves[p as usize]);
-    }
 }
 
 /// Leaves out the leaves that only held a mesh: their meshes are in the model now, and a file that goes out gets mesh nodes

@@ -57,6 +57,7 @@ pub struct Inspection {
     pub volume: f64,
     pub bounds: Bounds,
     pub joints: usize,
+    /// As the file has them: those over the same joints are one in [`Model::rig`].
     pub skins: usize,
     pub animations: Vec<AnimationInfo>,
     pub materials: Vec<MaterialInfo>,
@@ -96,7 +97,7 @@ pub fn inspect(model: &Model, pose: &Pose) -> Inspection {
             diagonal: measures.diagonal(),
         },
         joints: model.rig.joints.len(),
-        skins: model.rig.skins.len(),
+        skins: report.skins_stored,
         animations: model.rig.animations.iter().map(|a| AnimationInfo { name: a.name.clone(), duration: a.duration_s }).collect(),
         materials: model
             .materials

@@ -13,7 +13,42 @@ pub struct Texture {
     pub rgba: Vec<u8>,
 }
 
-/// Base colour and sides: what the tissue pass needs.
+/// What alpha means. The tissue pass draws everything opaque; it is kept for files that go out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum AlphaMode {
+    /// Nothing.
+    #[default]
+    Opaque,
+    /// What has less than this is not there.
+    Mask(f32),
+    /// A share of what is behind shows through.
+    Blend,
+}
+
+/// How a picture is looked up between its pixels and beyond its edges, in glTF's numbers. The tissue pass has its own way; it is
+/// kept for files that go out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampler {
+    /// Filter of what is magnified, if the file asks for one.
+    pub magnified: Option<u32>,
+    /// Filter of what is made smaller, if the file asks for one.
+    pub minified: Option<u32>,
+    /// What is beyond the edges, along u and v.
+    pub wrap: [u32; 2],
+}
+
+impl Sampler {
+    /// The picture again and again.
+    pub const REPEAT: u32 = 10_497;
+}
+
+impl Default for Sampler {
+    fn default() -> Self {
+        Self { magnified: None, minified: None, wrap: [Self::REPEAT; 2] }
+    }
+}
+
+/// Base colour and sides: what the tissue pass needs, and what it passes on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// Name in the file, or empty.
@@ -22,6 +57,10 @@ pub struct Material {
     pub base_colour: [f32; 4],
     /// Base colour texture, multiplied with the factor.
     pub texture: Option<Arc<Texture>>,
+    /// How that is looked up.
+    pub sampler: Sampler,
+    /// What the colour's alpha means.
+    pub alpha: AlphaMode,
     /// True if the back is drawn too.
     pub double_sided: bool,
 }
@@ -38,7 +77,14 @@ impl Material {
 
 impl Default for Material {
     fn default() -> Self {
-        Self { name: String::new(), base_colour: [1.0; 4], texture: None, double_sided: false }
+        Self {
+            name: String::new(),
+            base_colour: [1.0; 4],
+            texture: None,
+            sampler: Sampler::default(),
+            alpha: AlphaMode::Opaque,
+            double_sided: false,
+        }
     }
 }
 

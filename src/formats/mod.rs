@@ -15,6 +15,7 @@ mod gltf_extensions;
 mod gltf_import;
 mod gltf_primitive;
 mod gltf_rig;
+mod gltf_skins;
 mod inspect;
 mod material;
 mod mtl;
@@ -32,11 +33,13 @@ mod gltf_extensions_tests;
 mod import_tests;
 #[cfg(test)]
 mod placement_tests;
+#[cfg(test)]
+mod skins_tests;
 
 pub use error::FormatError;
 pub use gltf_export::{ExportPiece, ExportReport, export_glb};
 pub use inspect::{AnimationInfo, Bounds, Inspection, MaterialInfo, inspect};
-pub use material::{Material, Texture};
+pub use material::{AlphaMode, Material, Sampler, Texture};
 pub use obj_export::export_obj;
 pub use procedural::{NAMES as BUNDLED, generate};
 
@@ -82,6 +85,8 @@ pub struct LoadReport {
     pub vertices_stored: usize,
     /// Topological vertices.
     pub vertices_welded: usize,
+    /// Skins in the file; those over the same joints are one in the rig.
+    pub skins_stored: usize,
     /// Faces with a repeated vertex or exactly zero area. Dropped, but where one closes the surface: the
     /// face beyond it is divided in its stead. An exported topology is kept as it is.
     pub degenerate_faces: usize,

@@ -40,9 +40,13 @@ pub(crate) struct Stored {
     pub positions: Vec<DVec3>,
     /// `_INCISE_VERTEX` of each position, [`NO_MARK`] where it has none; equal marks are one vertex (MATHS 1.6).
     pub marks: Vec<u32>,
+    /// Tells positions apart that are equal in numbers alone (see `gltf_import`); empty where none are.
+    pub places: Vec<u32>,
     /// End of each position's run in `bones`.
     pub bone_ends: Vec<u32>,
     pub bones: Vec<BoneWeight>,
+    /// Joints that leave vertices where they are: to follow one is to follow none. In order.
+    pub still: Vec<u32>,
     pub dresses: Vec<Dress>,
     pub faces: Vec<StoredFace>,
     /// True if the stored indices alone decide the topology (our own OBJ files).

@@ -61,11 +61,12 @@ pub(super) fn decided(stored: &Stored, v: u32) -> bool {
     stored.indices_decide || stored.marks[v as usize] != NO_MARK
 }
 
-/// Equal numbers for stored vertices that coincide bit for bit (minus zero counts as zero) and carry the same mark.
+/// Equal numbers for stored vertices that coincide bit for bit (minus zero counts as zero), in one place, and carry the same mark.
 pub(crate) fn classes(stored: &Stored) -> Vec<u32> {
     let key = |v: u32| {
         let mark = if stored.indices_decide { v } else { stored.marks[v as usize] };
-        (mark, (stored.positions[v as usize] + 0.0).to_array().map(f64::to_bits))
+        let place = stored.places.get(v as usize).copied().unwrap_or(0);
+        (mark, place, (stored.positions[v as usize] + 0.0).to_array().map(f64::to_bits))
     };
     let mut order: Vec<u32> = (0..stored.positions.len() as u32).collect();
     order.sort_unstable_by_key(|&v| (key(v), v));
@@ -165,14 +166,20 @@ fn number(stored: &Stored, faces: Vec<StoredFace>, classes: &[u32], sets: &mut S
         }
         vertex_of[v as usize] = vertex_of[root];
         let first = welded.first[vertex_of[root].index()];
-        let difference = weight_difference(stored.bones(first as usize), stored.bones(v as usize));
+        let difference = weight_difference(stored, first as usize, v as usize);
         welded.largest_weight_difference = welded.largest_weight_difference.max(difference);
     }
     welded.corners = faces.iter().map(|f| f.corners.map(|v| vertex_of[v as usize])).collect();
     welded.faces = faces;
 }
 
-fn weight_difference(a: &[BoneWeight], b: &[BoneWeight]) -> f32 {
+/// Largest difference of a joint's weight between two stored vertices.
+fn weight_difference(stored: &Stored, a: usize, b: usize) -> f32 {
+    let (a, b) = (stored.bones(a), stored.bones(b));
+    let is_still = |bones: &[BoneWeight]| bones.iter().all(|w| stored.still.binary_search(&w.joint).is_ok());
+    if (a.is_empty() && is_still(b)) || (b.is_empty() && is_still(a)) {
+        return 0.0;
+    }
     let weight = |bones: &[BoneWeight], joint| bones.iter().find(|w| w.joint == joint).map_or(0.0, |w| w.weight);
     a.iter().chain(b).map(|w| (weight(a, w.joint) - weight(b, w.joint)).abs()).fold(0.0, f32::max)
 }

@@ -197,6 +197,20 @@ impl Rig {
         self.pose_at(None, 0.0)
     }
 
+    /// For each node: true if an animation changes it or a node above it.
+    pub fn moving_nodes(&self) -> Vec<bool> {
+        let mut moves = vec![false; self.nodes.len()];
+        for channel in self.animations.iter().flat_map(|a| &a.channels) {
+            if let Some(moves) = moves.get_mut(channel.node as usize) {
+                *moves = true;
+            }
+        }
+        for (i, node) in self.nodes.iter().enumerate() {
+            moves[i] |= node.parent.is_some_and(|p| moves[p as usize]);
+        }
+        moves
+    }
+
     /// Checks every rule from scratch.
     pub fn validate(&self) -> Result<(), RigError> {
         for (i, node) in self.nodes.iter().enumerate() {
