@@ -61,7 +61,9 @@ pub enum FormatError {
         detail: String,
     },
     /// The file needs an extension that changes how its data are stored.
-    #[error("the file requires the glTF extension {name}, which is not supported; export it again without compression")]
+    #[error(
+        "the file requires the glTF extension {name}, which is not supported; export it again without that (say, uncompressed)"
+    )]
     UnsupportedExtension {
         /// Its name.
         name: String,

@@ -2,7 +2,7 @@
 //! malformed file is an error and never a panic.
 
 use super::FormatError;
-use super::gltf_extensions::Extensions;
+use super::gltf_extensions::{self, Extensions};
 use gltf::json;
 use json::accessor::{ComponentType, Type};
 use json::validation::Checked;
@@ -35,6 +35,7 @@ impl Document {
         if !root.asset.version.starts_with("2.") {
             return Err(FormatError::gltf(format!("version {} is not 2.x", root.asset.version)));
         }
+        gltf_extensions::check(&root.extensions_required)?; // first: compressed files have buffers without data
         let buffers = root.buffers.iter().enumerate().map(|(i, b)| load_buffer(i, b, blob, folder)).collect::<Result<_, _>>()?;
         Ok(Self { root, extensions, buffers })
     }

@@ -1,16 +1,33 @@
 //! What a glTF file says that the glTF crate does not read or would refuse: animation channels without a node, and the
 //! extensions that change what is read here.
 
+use super::FormatError;
 use serde::Deserialize;
 use serde_json::Value;
 use std::borrow::Cow;
 
-/// Those parts of a file, by the numbers of its nodes, textures and materials.
+/// Compressed meshes.
+pub(crate) const DRACO: &str = "KHR_draco_mesh_compression";
+
+/// An error if a file requires an extension that changes how geometry is stored, or that nobody knows.
+pub(crate) fn check(required: &[String]) -> Result<(), FormatError> {
+    let known = ["KHR_mesh_quantization", "KHR_animation_pointer", "KHR_xmp_json_ld"];
+    let harmless = |name: &str| {
+        known.contains(&name) || name.starts_with("KHR_materials_") || name.starts_with("KHR_lights") || name.contains("texture")
+    };
+    match required.iter().find(|name| !harmless(name)) {
+        Some(name) => Err(FormatError::UnsupportedExtension { name: name.clone() }),
+        None => Ok(()),
+    }
+}
+
+/// Those parts of a file, by the numbers of its nodes, meshes, textures and materials.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(crate) struct Extensions {
     animations: Vec<RawAnimation>,
     materials: Vec<RawMaterial>,
+    meshes: Vec<RawMesh>,
     nodes: Vec<Extended>,
     textures: Vec<Extended>,
 }
@@ -31,6 +48,12 @@ struct RawChannel {
 #[serde(default)]
 struct RawTarget {
     node: Option<Value>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct RawMesh {
+    primitives: Vec<Extended>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -109,6 +132,12 @@ impl Extensions {
     /// True if a node asks for many instances of its mesh.
     pub fn is_instanced(&self, node: usize) -> bool {
         self.nodes.get(node).is_some_and(|n| n.extensions.get("EXT_mesh_gpu_instancing").is_some())
+    }
+
+    /// True if a primitive of a mesh has a compressed form, beside its plain one or in its stead.
+    pub fn is_compressed(&self, mesh: usize, primitive: usize) -> bool {
+        let primitive = self.meshes.get(mesh).and_then(|m| m.primitives.get(primitive));
+        primitive.is_some_and(|p| p.extensions.get(DRACO).is_some())
     }
 
     /// The extension that names a texture's picture, such as KHR_texture_basisu.

@@ -166,3 +166,28 @@ fn what_alpha_means_and_how_pictures_are_looked_up_is_kept() {
     assert_eq!(told(&again), expected);
     assert_eq!(again.materials, model.materials);
 }
+
+#[test]
+fn compressed_meshes_are_told_of_as_such() {
+    let refused = |edit: &dyn Fn(&mut Value)| {
+        let bytes = edit_json(&glb_writer::write(&scene(vec![cube([0.0; 3])])).unwrap(), |root| edit(root));
+        read(&bytes).err().map(|error| error.to_string())
+    };
+    // as gltfpack writes it: the buffer that the views name has no data
+    let error = refused(&|root| {
+        root["extensionsRequired"] = json!(["KHR_mesh_quantization", "EXT_meshopt_compression"]);
+        root["buffers"].as_array_mut().unwrap().push(json!({ "byteLength": 64 }));
+    });
+    assert!(error.as_ref().is_some_and(|e| e.contains("EXT_meshopt_compression")), "{error:?}");
+    let compressed = |root: &mut Value| {
+        root["meshes"][0]["primitives"][0]["extensions"] = json!({ "KHR_draco_mesh_compression": { "bufferView": 0 } });
+    };
+    assert_eq!(refused(&compressed), None, "the plain form is there too");
+    let error = refused(&|root| {
+        compressed(root);
+        for accessor in root["accessors"].as_array_mut().unwrap() {
+            accessor.as_object_mut().unwrap().remove("bufferView");
+        }
+    });
+    assert!(error.as_ref().is_some_and(|e| e.contains("KHR_draco_mesh_compression")), "{error:?}");
+}

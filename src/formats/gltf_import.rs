@@ -1,7 +1,7 @@
 //! glTF 2.0: all triangle primitives of all mesh nodes of the chosen scene, with materials, skins and animations.
 
 use super::gltf_data::{Document, read_uri};
-use super::gltf_extensions::TextureTransform;
+use super::gltf_extensions::{DRACO, TextureTransform};
 use super::gltf_primitive::{Attributes, read_attributes, triangles};
 use super::gltf_rig::{self, ImportedRig, warn_once};
 use super::gltf_skins::BindChange;
@@ -23,23 +23,10 @@ const MAX_VERTICES: usize = 1 << 27;
 /// Vertices of different skins that are nearer to each other than this, in diagonals, are in one place.
 const NEAR: f64 = 1e-5;
 
-/// Extensions that do not change how geometry is stored.
-fn harmless(extension: &str) -> bool {
-    extension.starts_with("KHR_materials_")
-        || extension.starts_with("KHR_lights")
-        || ["KHR_mesh_quantization", "KHR_texture_transform", "KHR_animation_pointer", "KHR_xmp_json_ld"].contains(&extension)
-        || extension.contains("texture")
-}
-
 /// Reads a .glb or .gltf file; external files are looked up in `folder`.
 pub(crate) fn read(bytes: &[u8], name: &str, folder: Option<&Path>) -> Result<Model, FormatError> {
     let document = Document::parse(bytes, folder)?;
     let mut report = LoadReport { skins_stored: document.root.skins.len(), ..LoadReport::default() };
-    for extension in &document.root.extensions_required {
-        if !harmless(extension) {
-            return Err(FormatError::UnsupportedExtension { name: extension.clone() });
-        }
-    }
     if document.extensions.have_channels_without_node() {
         report.warnings.push("animation channels that name no node are left out".into());
     }
@@ -148,6 +135,12 @@ impl Import {
             Some(name) => format!("mesh \"{name}\", primitive {index}"),
             None => format!("mesh {mesh}, primitive {index}"),
         };
+        let bare = |a: &json::Index<json::Accessor>| {
+            self.document.root.accessors.get(a.value()).is_some_and(|a| a.buffer_view.is_none() && a.sparse.is_none())
+        };
+        if self.document.extensions.is_compressed(mesh, index) && primitive.attributes.values().any(bare) {
+            return Err(FormatError::UnsupportedExtension { name: DRACO.into() });
+        }
         let Some(faces) = triangles(&self.document, primitive, &label, &mut self.report.warnings)? else { return Ok(()) };
         let material = primitive.material.map_or(self.materials, |m| m.value());
         if material > self.materials || (primitive.material.is_some() && material == self.materials) {

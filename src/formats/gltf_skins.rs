@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 const ROUNDING: f64 = 2e-6;
 /// Skins that one is compared with at most, and looks for them: no file of thousands on the same nodes takes for ever.
 const MOST_GROUPS: usize = 64;
-const MOST_LOOKS: usize = 1 << 14;
+const MOST_LOOKS: usize = 1024;
 
 /// A skin as the file lists it.
 #[derive(Debug, Default)]
@@ -114,11 +114,12 @@ impl Group {
 /// Finds which skins are one.
 fn groups(listed: &[Listed]) -> Vec<Group> {
     let mut groups: Vec<Option<Group>> = Vec::new();
-    let mut at_node: HashMap<u32, Vec<usize>> = HashMap::new(); // looked up only: its order decides nothing
+    let mut at_node: HashMap<u32, BTreeSet<usize>> = HashMap::new(); // looked up only: its order decides nothing
     for (index, skin) in listed.iter().enumerate() {
         let mut group = Group::of_one(index, skin);
-        let nodes = || group.of_node.keys().filter_map(|node| at_node.get(node)).flatten().copied();
-        let near: BTreeSet<usize> = nodes().take(MOST_LOOKS).collect();
+        let near = group.of_node.keys().filter_map(|node| at_node.get(node)).flatten().copied();
+        let near: BTreeSet<usize> = near.filter(|&other| groups[other].is_some()).take(MOST_LOOKS).collect();
+        let mut slot = None;
         for other in near.into_iter().take(MOST_GROUPS) {
             let Some(found) = &groups[other] else { continue };
             let (first, second) = if found.members[0].0 < group.members[0].0 { (found, &group) } else { (&group, found) };
@@ -128,9 +129,14 @@ fn groups(listed: &[Listed]) -> Vec<Group> {
                 std::mem::swap(&mut found, &mut group);
             }
             group.absorb(found, change);
+            slot.get_or_insert(other);
         }
-        group.of_node.keys().for_each(|node| at_node.entry(*node).or_default().push(groups.len()));
-        groups.push(Some(group));
+        let slot = slot.unwrap_or(groups.len());
+        groups.resize_with(groups.len().max(slot + 1), || None);
+        group.of_node.keys().for_each(|node| {
+            at_node.entry(*node).or_default().insert(slot);
+        });
+        groups[slot] = Some(group);
     }
     let mut groups: Vec<Group> = groups.into_iter().flatten().collect();
     groups.sort_by_key(|g| g.members[0].0);
@@ -226,6 +232,14 @@ mod tests {
         }
         assert!(uses_of_all[1].bind_change.point(DVec3::ZERO).distance(DVec3::Y) < 1e-12);
         assert_eq!(uses[1].bind_change.point(DVec3::ZERO), DVec3::ZERO);
+    }
+
+    #[test]
+    fn hundreds_of_skins_are_one_as_well() {
+        let one = ARM.map(|joint| joint());
+        let (rig, uses) = with(&[&one[..]; 300]);
+        assert_eq!((rig.skins.len(), rig.joints.len()), (1, 2));
+        assert!(uses.iter().all(|u| u.skin == 0 && u.palette == [0, 1]));
     }
 
     #[test]
