@@ -6,9 +6,6 @@
 @group(0) @binding(6) var<storage, read> faces: array<FaceRecord>;
 @group(0) @binding(7) var<storage, read> wedges: array<Wedge>;
 
-// No sound fan is longer; a damaged one must not hang the device.
-const MAX_FAN: u32 = 4096u;
-
 // Height over length, of faces whose normals rounding says more of than they do.
 const SLIVER: f32 = 1e-3;
 
@@ -48,25 +45,8 @@ fn add_face(t: u32, h: u32, wedge_group: u32, at_rest: bool, sum: Gathered) -> G
     return out;
 }
 
-// The vertex that the half-edge `turn` steps on in the face of `h` comes from.
-fn corner_of(t: u32, h: u32, turn: u32) -> u32 {
-    return wedges[tissues[t].wedges + faces[tissues[t].faces + h / 3u].wedges[(h % 3u + turn) % 3u]].vertex;
-}
-
 fn is_inserted(t: u32, h: u32, turn: u32) -> bool {
     return vertices[tissues[t].vertices + corner_of(t, h, turn)].row.y > 0u;
-}
-
-fn opposite_of(t: u32, h: u32) -> u32 {
-    return faces[tissues[t].faces + h / 3u].opposites[h % 3u];
-}
-
-fn next_of(h: u32) -> u32 {
-    return select(h + 1u, h - 2u, h % 3u == 2u);
-}
-
-fn previous_of(h: u32) -> u32 {
-    return select(h - 1u, h + 2u, h % 3u == 0u);
 }
 
 // Walks the fan from `start` counter-clockwise, and clockwise too where it is open.
@@ -108,23 +88,8 @@ fn turned(v: vec3f, start: vec3f, end: vec3f) -> vec3f {
     return select(end, v + cross(w, v) + cross(w, cross(w, v)) / max(1.0 + c, 1e-3), c > -0.9);
 }
 
-// True on the lip of a wound: a vertex that an edit inserted, where the skin ends or meets a wall or cap. It has no bones: its record
-// says so in their place.
-fn is_lip(t: u32, v: u32) -> bool {
-    let record = vertices[tissues[t].vertices + v];
-    return record.row.y > 0u && record.bones.x != 0u;
-}
-
 // For what has no lip near it, in diagonals: too far to look like one.
 const FAR_FROM_LIP: f32 = 0.03;
-
-// Distance of a point from the stretch between two points.
-fn to_stretch(p: vec3f, start: vec3f, end: vec3f) -> f32 {
-    let along = end - start;
-    let square = dot(along, along);
-    let x = select(0.0, saturate(dot(p - start, along) / square), square > 0.0);
-    return length(p - start - x * along);
-}
 
 // What is farther from the lip than anything.
 const NO_LIP: f32 = 1e30;

@@ -12,7 +12,7 @@
 const WALL: u32 = 1u;
 // A sliver of wall along a lip, no wider than that: nothing but lip.
 const RIM: u32 = 2u;
-// A face whose corners on the lip are joined by an edge that is none: how far from it a point is, only the face's own edges and corners
+// A face with corners near the lip that are joined by an edge that is none: how far from it a point is, the numbers at its corners do not
 // tell.
 const BETWEEN_LIPS: u32 = 4u;
 // A face of a tissue that is WHOLE: from behind, too, it is skin.
@@ -31,7 +31,7 @@ struct Corner {
     @location(6) @interpolate(flat, either) flags: u32,
     @location(7) @interpolate(flat, either) view: u32,
     @location(8) lip: f32, // distance from the lip of a wound, in diagonals
-    @location(9) edges: vec3f, // of a face BETWEEN_LIPS: distance from each edge that is a lip, in diagonals
+    @location(9) edges: vec3f, // of a face BETWEEN_LIPS: distances from up to three lips, in diagonals
 }
 
 fn to_world(t: u32, p: vec3f) -> vec3f {
@@ -77,19 +77,35 @@ fn is_rim(t: u32, face: u32) -> bool {
     return sides > 1u && width_of(t, face) * tissues[t].detail_scale < LIP_WIDTH;
 }
 
-// True for a face of the skin with all its corners on the lip that has a lip for an edge, or is wider than one.
+// True for a face of the skin over which the distance from the lip does not go straight from corner to corner: two of them are near lips that
+// are not one edge of it.
 fn is_between_lips(t: u32, face: u32) -> bool {
     if ((tissues[t].flags & WOUNDED) == 0u) {
         return false;
     }
-    var has_lip = false;
+    var near = 0u;
+    var longest = 0.0;
+    let p = corners_of(t, face);
     for (var k = 0u; k < 3u; k++) {
-        if (lip_value(t, face, k) > 0.0) {
+        near += select(0u, 1u, lip_value(t, face, k) < 2.0 * LIP_WIDTH);
+        longest = max(longest, distance(p[k], p[(k + 1u) % 3u]) * tissues[t].detail_scale);
+    }
+    if (near < 2u || longest < 2.0 * LIP_WIDTH) {
+        return false;
+    }
+    for (var k = 0u; k < 3u; k++) {
+        let c = (k + 2u) % 3u;
+        if (is_lip_edge(t, face, k) && lip_value(t, face, c) > 0.8 * from_edge(t, p, k, c)) {
             return false;
         }
-        has_lip |= ends_skin(t, faces[face].opposites[k]);
     }
-    return has_lip || width_of(t, face) * tissues[t].detail_scale > LIP_WIDTH;
+    return true;
+}
+
+// True for an edge of a face of the skin that is the lip of a wound.
+fn is_lip_edge(t: u32, face: u32, k: u32) -> bool {
+    let ends = max(lip_value(t, face, k), lip_value(t, face, (k + 1u) % 3u));
+    return ends <= 0.0 && ends_skin(t, faces[face].opposites[k]);
 }
 
 // Distance of corner `k` of a face with these corners from its edge `i`, in diagonals.
@@ -99,12 +115,94 @@ fn from_edge(t: u32, p: array<vec3f, 3>, i: u32, k: u32) -> f32 {
     return select(0.0, height, k == (i + 2u) % 3u);
 }
 
-// Distances of corner `k` of a face from its edges, in diagonals; from those that are no lip OFF_LIP.
+// The lip that is nearest to a vertex, or both of its edges there that one on it has.
+struct NearLip {
+    starts: array<vec3f, 2>,
+    ends: array<vec3f, 2>,
+    count: u32,
+    off: f32, // metres
+}
+
+// Looks for it in the face that half-edge `h` leaves vertex `v` from.
+fn look_for_lip(t: u32, h: u32, v_is: bool, p: vec3f, known: NearLip) -> NearLip {
+    var out = known;
+    if ((faces[tissues[t].faces + h / 3u].draw >> 31u) != 0u) {
+        return out;
+    }
+    let b = corner_of(t, h, 1u);
+    let c = corner_of(t, h, 2u);
+    let at_b = deformed[tissues[t].positions + b].xyz;
+    let at_c = deformed[tissues[t].positions + c].xyz;
+    if (v_is) {
+        if (out.count < 2u && is_lip(t, b) && ends_skin(t, opposite_of(t, h))) {
+            out.starts[out.count] = p;
+            out.ends[out.count] = at_b;
+            out.count += 1u;
+        }
+        if (out.count < 2u && is_lip(t, c) && ends_skin(t, opposite_of(t, previous_of(h)))) {
+            out.starts[out.count] = p;
+            out.ends[out.count] = at_c;
+            out.count += 1u;
+        }
+        return out;
+    }
+    if (!is_lip(t, b)) {
+        return out;
+    }
+    let end = select(at_b, at_c, is_lip(t, c) && ends_skin(t, opposite_of(t, next_of(h))));
+    let off = to_stretch(p, at_b, end);
+    if (out.count == 0u || off < out.off) {
+        out.starts[0] = at_b;
+        out.ends[0] = end;
+        out.count = 1u;
+        out.off = off;
+    }
+    return out;
+}
+
+// The same in all faces around it.
+fn lip_near(t: u32, v: u32, p: vec3f) -> NearLip {
+    var found: NearLip;
+    let start = vertices[tissues[t].vertices + v].half_edge;
+    if (start == NONE) {
+        return found;
+    }
+    let v_is = is_lip(t, v);
+    var h = start;
+    for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
+        found = look_for_lip(t, h, v_is, p, found);
+        h = opposite_of(t, previous_of(h));
+        if (h == start) {
+            return found;
+        }
+    }
+    h = opposite_of(t, start);
+    for (var i = 0u; i < MAX_FAN && h != NONE; i++) {
+        h = next_of(h);
+        found = look_for_lip(t, h, v_is, p, found);
+        h = opposite_of(t, h);
+    }
+    return found;
+}
+
+// Distances of corner `k` of a face of the skin from what is lip at each of its corners: an edge of its own, or what else is the nearest
+// there. In diagonals; each goes straight over the face.
 fn from_edges(t: u32, face: u32, k: u32) -> vec3f {
     let p = corners_of(t, face);
     var away: array<f32, 3>;
     for (var i = 0u; i < 3u; i++) {
-        away[i] = select(OFF_LIP, from_edge(t, p, i, k), ends_skin(t, faces[face].opposites[i]));
+        away[i] = OFF_LIP;
+        if (is_lip_edge(t, face, i)) {
+            away[i] = from_edge(t, p, i, k);
+        } else if (!is_lip_edge(t, face, (i + 2u) % 3u)) {
+            let lip = lip_near(t, wedges[tissues[t].wedges + faces[face].wedges[i]].vertex, p[i]);
+            for (var e = 0u; e < lip.count; e++) {
+                away[i] = min(away[i], to_stretch(p[k], lip.starts[e], lip.ends[e]) * tissues[t].detail_scale);
+            }
+            if (lip.count == 0u) {
+                away[i] = lip_value(t, face, i) + distance(p[i], p[k]) * tissues[t].detail_scale;
+            }
+        }
     }
     return vec3f(away[0], away[1], away[2]);
 }
@@ -321,7 +419,9 @@ fn surface(in: Corner, @builtin(front_facing) front: bool) -> @location(0) vec4f
     let from_lip = select(in.lip, min(in.edges.x, min(in.edges.y, in.edges.z)), (in.flags & BETWEEN_LIPS) != 0u);
     let lip_x = dpdx(from_lip);
     let lip_y = dpdy(from_lip);
-    let scale = length(position_x) / max(length(rest_x), 1e-12); // metres a diagonal
+    // Metres a diagonal, by both ways: a needle of skin that a wound has drawn wide hardly has a width at rest, and would be all relief.
+    let spread = dot(position_x, position_x) + dot(position_y, position_y);
+    let scale = sqrt(spread / max(dot(rest_x, rest_x) + dot(rest_y, rest_y), 1e-24));
 
     let wall = (in.flags & WALL) != 0u;
     var s: Surface;

@@ -226,6 +226,29 @@ fn details_from_near() {
     }
 }
 
+/// Where corners of large faces lie on lips, or near, that are no edge of them the faces are skin none the less: they were pale all over, and a
+/// needle of skin that a wound had drawn wide gleamed white.
+#[test]
+fn a_spiral_over_large_faces() {
+    let camera = Camera { eye: DVec3::new(0.3, 0.4, 1.35), target: DVec3::new(0.0, 0.0, 0.45), up: DVec3::Y, fov_y: 0.6 };
+    let view = ViewPose::from_camera(&camera, f64::from(SIZE.0) / f64::from(SIZE.1)).expect("a camera");
+    let mut scene = scene("sphere", 768).0;
+    scene.set_wall(WallMode::Open);
+    let (mut app, mut target) = (App::new(scene, 1.0, || 0), Target::new(vec![view]));
+    target.from_s = 39.5 / 60.0;
+    let mut commands = vec![EditCommand::StrokeBegin { width: 0.006 }];
+    for k in 0..=90 {
+        let turn = f64::from(k) / 90.0;
+        let (sin, cos) = (2.3 * std::f64::consts::TAU * turn).sin_cos();
+        let at = (0.04 + 0.24 * turn) * DVec3::new(cos, sin, 0.0);
+        commands.push(EditCommand::StrokePose(BladePose { t: turn, tip: at + 0.38 * DVec3::Z, base: 1.3 * at + DVec3::Z }));
+    }
+    commands.push(EditCommand::StrokeEnd);
+    frame(&mut app, &mut target, 0, commands, &[]);
+    (1..41).for_each(|number| frame(&mut app, &mut target, number, Vec::new(), &[]));
+    compare("coarse-spiral", SIZE, &target.pictures[0]);
+}
+
 #[test]
 fn a_stereo_pair() {
     let view = |side: f64| ViewPose {

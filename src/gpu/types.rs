@@ -261,6 +261,7 @@ pub const SHADERS: [(&str, &str); 10] = [
         concat!(
             include_str!("../../shaders/types.wgsl"),
             include_str!("../../shaders/skin.wgsl"),
+            include_str!("../../shaders/fans.wgsl"),
             include_str!("../../shaders/normals.wgsl")
         ),
     ),
@@ -269,6 +270,7 @@ pub const SHADERS: [(&str, &str); 10] = [
         concat!(
             include_str!("../../shaders/types.wgsl"),
             include_str!("../../shaders/light.wgsl"),
+            include_str!("../../shaders/fans.wgsl"),
             include_str!("../../shaders/tissue.wgsl")
         ),
     ),
