@@ -102,19 +102,19 @@ fn container(root: &Value, mut bin: Vec<u8>) -> Result<Vec<u8>, FormatError> {
     if length > u64::from(u32::MAX) {
         return Err(FormatError::TooLarge { what: "bytes", count: length, limit: u32::MAX.into() });
     }
-    let mut out = Vec::with_capacity(length as usize);
-    out.extend(b"glTF");
+    let mut head = Vec::with_capacity(28 + text.len());
+    head.extend(b"glTF");
     for word in [2, length as u32, text.len() as u32] {
-        out.extend(word.to_le_bytes());
+        head.extend(word.to_le_bytes());
     }
-    out.extend(b"JSON");
-    out.extend(text);
+    head.extend(b"JSON");
+    head.extend(text);
     if !bin.is_empty() {
-        out.extend((bin.len() as u32).to_le_bytes());
-        out.extend(b"BIN\0");
-        out.extend(bin);
+        head.extend((bin.len() as u32).to_le_bytes());
+        head.extend(b"BIN\0");
     }
-    Ok(out)
+    bin.splice(0..0, head); // where it is: pictures may be most of it, and need not be there twice
+    Ok(bin)
 }
 
 /// A node and what is above it, upwards.

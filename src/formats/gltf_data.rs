@@ -6,6 +6,7 @@ use super::gltf_extensions::{self, Extensions};
 use gltf::json;
 use json::accessor::{ComponentType, Type};
 use json::validation::Checked;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// Most elements of an accessor without data of its own (all zeros but for sparse values).
@@ -13,15 +14,15 @@ const MAX_ZEROS: usize = 1 << 26;
 
 /// A parsed glTF file with its buffers.
 #[derive(Debug)]
-pub(crate) struct Document {
+pub(crate) struct Document<'a> {
     pub root: json::Root,
     pub extensions: Extensions,
-    buffers: Vec<Vec<u8>>,
+    buffers: Vec<Cow<'a, [u8]>>,
 }
 
-impl Document {
+impl<'a> Document<'a> {
     /// Parses .glb or .gltf (told apart by content); external buffers are looked up in `folder`.
-    pub fn parse(bytes: &[u8], folder: Option<&Path>) -> Result<Self, FormatError> {
+    pub fn parse(bytes: &'a [u8], folder: Option<&Path>) -> Result<Self, FormatError> {
         if bytes.is_empty() {
             return Err(FormatError::Empty);
         }
@@ -219,11 +220,16 @@ fn split_glb(bytes: &[u8]) -> Result<(&[u8], Option<&[u8]>), FormatError> {
     Ok((text, blob))
 }
 
-fn load_buffer(index: usize, buffer: &json::Buffer, blob: Option<&[u8]>, folder: Option<&Path>) -> Result<Vec<u8>, FormatError> {
+fn load_buffer<'a>(
+    index: usize,
+    buffer: &json::Buffer,
+    blob: Option<&'a [u8]>,
+    folder: Option<&Path>,
+) -> Result<Cow<'a, [u8]>, FormatError> {
     let missing = |detail: String| FormatError::MissingBuffer { index, detail };
     let data = match (&buffer.uri, blob) {
-        (Some(uri), _) => read_uri(uri, folder).map_err(missing)?,
-        (None, Some(blob)) if index == 0 => blob.to_vec(),
+        (Some(uri), _) => Cow::Owned(read_uri(uri, folder).map_err(missing)?),
+        (None, Some(blob)) if index == 0 => Cow::Borrowed(blob),
         (None, _) => return Err(missing("it has neither an address nor a binary chunk".into())),
     };
     if (data.len() as u64) < buffer.byte_length.0 {
@@ -273,14 +279,14 @@ fn percent_decoded(uri: &str) -> String {
 mod tests {
     use super::*;
 
-    fn document(accessor: &str) -> Result<Document, FormatError> {
+    fn document(accessor: &str) -> Result<Document<'static>, FormatError> {
         let text = format!(
             r#"{{"asset":{{"version":"2.0"}},
                 "buffers":[{{"uri":"data:application/octet-stream;base64,AAECAwQFBgcICQoLDA0ODw==","byteLength":16}}],
                 "bufferViews":[{{"buffer":0,"byteOffset":4,"byteLength":12}}],
                 "accessors":[{accessor}]}}"#
         );
-        Document::parse(text.as_bytes(), None)
+        Document::parse(text.leak().as_bytes(), None)
     }
 
     #[test]

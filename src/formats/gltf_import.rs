@@ -42,8 +42,8 @@ pub(crate) fn read(bytes: &[u8], name: &str, folder: Option<&Path>) -> Result<Mo
     import.finish(name, materials)
 }
 
-struct Import {
-    document: Document,
+struct Import<'a> {
+    document: Document<'a>,
     rig: ImportedRig,
     /// Rigid joint of each rig node, `u32::MAX` where it has none.
     rigid_joints: Vec<u32>,
@@ -61,7 +61,7 @@ struct Skinned {
     faces: Range<usize>,
 }
 
-impl Import {
+impl Import<'_> {
     fn read_materials(&mut self, folder: Option<&Path>) -> Vec<Material> {
         let root = &self.document.root;
         let mut pictures: Vec<Option<Option<Arc<Texture>>>> = vec![None; root.images.len()];
