@@ -1,11 +1,11 @@
 //! Writes a binary glTF file: nodes, meshes, skins, animations, materials. The same input gives the same bytes.
 
 use super::FormatError;
-use super::material::{AlphaMode, Material, Sampler, Texture, encode_png};
+use super::glb_materials;
+use super::material::Material;
 use crate::rig::{Animation, Interpolation, LocalTransform, Node, Property};
 use glam::{DAffine3, DVec3};
 use serde_json::{Map, Value, json};
-use std::sync::Arc;
 
 const ARRAY_BUFFER: u32 = 34_962;
 const ELEMENT_ARRAY_BUFFER: u32 = 34_963;
@@ -35,6 +35,8 @@ pub(crate) type BoneSet = (Vec<[u16; 4]>, Vec<[f32; 4]>);
 pub(crate) struct GlbPrimitive {
     pub positions: Vec<[f32; 3]>,
     pub normals: Vec<[f32; 3]>,
+    /// Along u, and 1 or -1 where v points the other way.
+    pub tangents: Vec<[f32; 4]>,
     pub uvs: Vec<[f32; 2]>,
     /// RGBA8, red lowest.
     pub colours: Vec<u32>,
@@ -64,7 +66,7 @@ pub(crate) fn write(scene: &GlbScene<'_>) -> Result<Vec<u8>, FormatError> {
     let skins: Vec<Value> = scene.skins.iter().map(|s| writer.skin(s, &scene.nodes)).collect();
     let animations: Vec<Value> =
         scene.animations.iter().filter(|a| !a.channels.is_empty()).map(|a| writer.animation(a)).collect();
-    let materials = writer.materials(&scene.materials)?;
+    let looks = glb_materials::write(&scene.materials, |picture| writer.view(picture, None))?;
     let (nodes, roots) = nodes(scene);
     let mut root = Map::new();
     root.insert("asset".into(), json!({"version": "2.0", "generator": concat!("incise ", env!("CARGO_PKG_VERSION"))}));
@@ -77,10 +79,11 @@ pub(crate) fn write(scene: &GlbScene<'_>) -> Result<Vec<u8>, FormatError> {
         ("meshes", meshes),
         ("skins", skins),
         ("animations", animations),
-        ("materials", materials),
-        ("textures", writer.textures),
-        ("samplers", writer.samplers),
-        ("images", writer.images),
+        ("materials", looks.materials),
+        ("textures", looks.textures),
+        ("samplers", looks.samplers),
+        ("images", looks.images),
+        ("extensionsUsed", looks.extensions.into_iter().map(Value::from).collect()),
         ("accessors", writer.accessors),
         ("bufferViews", writer.views),
         ("buffers", if bin_length > 0 { vec![json!({ "byteLength": bin_length })] } else { Vec::new() }),
@@ -196,9 +199,6 @@ struct Writer {
     bin: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
-    images: Vec<Value>,
-    textures: Vec<Value>,
-    samplers: Vec<Value>,
 }
 
 impl Writer {
@@ -250,6 +250,9 @@ impl Writer {
         attributes.insert("POSITION".into(), json!(self.floats(&p.positions, vertex_data, true)));
         if !p.normals.is_empty() {
             attributes.insert("NORMAL".into(), json!(self.floats(&p.normals, vertex_data, false)));
+        }
+        if !p.tangents.is_empty() {
+            attributes.insert("TANGENT".into(), json!(self.floats(&p.tangents, vertex_data, false)));
         }
         if !p.uvs.is_empty() {
             attributes.insert("TEXCOORD_0".into(), json!(self.floats(&p.uvs, vertex_data, false)));
@@ -339,69 +342,6 @@ impl Writer {
             samplers.push(json!({ "input": input, "output": output, "interpolation": interpolation }));
         }
         json!({ "name": animation.name, "channels": channels, "samplers": samplers })
-    }
-
-    fn materials(&mut self, materials: &[Material]) -> Result<Vec<Value>, FormatError> {
-        let mut pictures: Vec<Arc<Texture>> = Vec::new();
-        let mut textures: Vec<(usize, Sampler)> = Vec::new();
-        let mut out = Vec::new();
-        for material in materials {
-            let mut pbr = json!({ "baseColorFactor": material.base_colour, "metallicFactor": 0.0, "roughnessFactor": 0.6 });
-            if let Some(picture) = &material.texture {
-                let known = pictures.iter().position(|t| Arc::ptr_eq(t, picture) || t == picture);
-                let image = known.unwrap_or(pictures.len());
-                if known.is_none() {
-                    let png = encode_png(picture).map_err(|detail| FormatError::Encode { detail })?;
-                    let view = self.view(&png, None);
-                    self.images.push(json!({ "bufferView": view, "mimeType": "image/png" }));
-                    pictures.push(picture.clone());
-                }
-                let texture = (image, material.sampler);
-                let known = textures.iter().position(|t| *t == texture);
-                pbr["baseColorTexture"] = json!({ "index": known.unwrap_or(textures.len()) });
-                if known.is_none() {
-                    textures.push(texture);
-                }
-            }
-            let mut value = json!({ "pbrMetallicRoughness": pbr, "doubleSided": material.double_sided });
-            match material.alpha {
-                AlphaMode::Opaque => {}
-                AlphaMode::Mask(cutoff) => {
-                    value["alphaMode"] = json!("MASK");
-                    value["alphaCutoff"] = json!(cutoff);
-                }
-                AlphaMode::Blend => value["alphaMode"] = json!("BLEND"),
-            }
-            if !material.name.is_empty() {
-                value["name"] = json!(material.name);
-            }
-            out.push(value);
-        }
-        self.textures(&textures);
-        Ok(out)
-    }
-
-    /// Textures by image and sampler; a sampler that asks for nothing is not written.
-    fn textures(&mut self, textures: &[(usize, Sampler)]) {
-        let mut samplers: Vec<Sampler> = Vec::new();
-        for &(image, sampler) in textures {
-            let mut texture = json!({ "source": image });
-            if sampler != Sampler::default() {
-                let known = samplers.iter().position(|s| *s == sampler);
-                texture["sampler"] = json!(known.unwrap_or(samplers.len()));
-                samplers.extend(known.is_none().then_some(sampler));
-            }
-            self.textures.push(texture);
-        }
-        for sampler in samplers {
-            let mut value = json!({ "wrapS": sampler.wrap[0], "wrapT": sampler.wrap[1] });
-            for (key, filter) in [("magFilter", sampler.magnified), ("minFilter", sampler.minified)] {
-                if let Some(filter) = filter {
-                    value[key] = json!(filter);
-                }
-            }
-            self.samplers.push(value);
-        }
     }
 }
 

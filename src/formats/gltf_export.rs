@@ -3,6 +3,7 @@
 use super::FormatError;
 use super::export_weights::{PlainVertex, STATIC, blend, plain};
 use super::glb_writer::{self, BoneSet, GlbMesh, GlbPrimitive, GlbScene, GlbSkin};
+use super::gltf_tangents;
 use super::material::Material;
 use super::stored::WHITE;
 use crate::geometry::{FaceId, Mesh, VertexId};
@@ -270,15 +271,27 @@ impl<'a> Export<'a> {
         }
         let first_mesh = self.scene.meshes.len();
         for ((skin, material), faces) in groups {
-            let primitive = self.primitive(piece, vertices, &marks, skin, &faces);
+            let mut primitive = self.primitive(piece, vertices, &marks, skin, &faces);
+            primitive.material = material;
+            self.dress(&mut primitive);
             let skin = skin.map(|s| s as u32);
-            let primitive = GlbPrimitive { material, ..primitive };
             match self.scene.meshes[first_mesh..].last_mut() {
                 Some(mesh) if mesh.skin == skin => mesh.primitives.push(primitive),
                 _ => self.scene.meshes.push(GlbMesh { name: piece.name.into(), skin, primitives: vec![primitive] }),
             }
         }
         Ok(())
+    }
+
+    /// Gives a primitive the tangents that its material needs; drops texture coordinates that nothing needs.
+    fn dress(&self, primitive: &mut GlbPrimitive) {
+        let material = &self.scene.materials[primitive.material as usize];
+        if let Some(laid) = material.finish.as_ref().and_then(|finish| gltf_tangents::laid(finish)) {
+            gltf_tangents::add(primitive, laid);
+        }
+        if !material.is_textured() && primitive.uvs.iter().all(|uv| *uv == [0.0; 2]) {
+            primitive.uvs.clear();
+        }
     }
 
     fn material(&mut self, material: &Material) -> u32 {
@@ -344,9 +357,6 @@ impl<'a> Export<'a> {
                 }
             }
             out.indices.push(*slot);
-        }
-        if out.uvs.iter().all(|uv| *uv == [0.0; 2]) {
-            out.uvs.clear();
         }
         if out.colours.iter().all(|&c| c == WHITE) {
             out.colours.clear();

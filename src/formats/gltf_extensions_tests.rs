@@ -9,7 +9,7 @@ fn edited(edit: impl FnOnce(&mut Value)) -> Model {
     let mut laid = cube([0.0; 3]);
     laid.uvs = laid.positions.iter().map(|p| [p[0], p[1]]).collect();
     let mut scene = scene(vec![laid]);
-    let texture = Texture { width: 1, height: 1, rgba: vec![255; 4] };
+    let texture = Texture { width: 1, height: 1, rgba: vec![255; 4], encoded: None };
     scene.materials[0].texture = Some(std::sync::Arc::new(texture));
     let model = read(&edit_json(&glb_writer::write(&scene).unwrap(), edit)).unwrap();
     model.rig.validate().unwrap();

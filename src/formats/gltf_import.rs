@@ -1,18 +1,18 @@
 //! glTF 2.0: all triangle primitives of all mesh nodes of the chosen scene, with materials, skins and animations.
 
-use super::gltf_data::{Document, read_uri};
-use super::gltf_extensions::{DRACO, TextureTransform};
+use super::gltf_data::Document;
+use super::gltf_extensions::DRACO;
+use super::gltf_materials;
 use super::gltf_primitive::{Attributes, read_attributes, triangles};
 use super::gltf_rig::{self, ImportedRig, warn_once};
 use super::gltf_skins::BindChange;
-use super::material::{AlphaMode, Material, Sampler, Texture, decode};
+use super::material::Material;
 use super::stored::{Dress, Stored, StoredFace};
 use super::{FormatError, LoadReport, Model, assemble};
 use crate::geometry::cofactor;
 use crate::rig::{BoneWeight, Joint};
 use glam::{DAffine3, DMat3, DVec3};
 use gltf::json;
-use json::validation::Checked;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
@@ -32,12 +32,12 @@ pub(crate) fn read(bytes: &[u8], name: &str, folder: Option<&Path>) -> Result<Mo
     }
     let rig = gltf_rig::read(&document, &mut report.warnings)?;
     let rigid_joints = vec![u32::MAX; rig.rig.nodes.len()];
-    let mut import = Import { document, rig, rigid_joints, stored: Stored::default(), skinned: Vec::new(), materials: 0, report };
-    let mut materials = import.read_materials(folder);
-    import.materials = materials.len();
+    let mut materials = gltf_materials::read(&document, folder, &mut report.warnings);
+    let (stored, skinned, count) = (Stored::default(), Vec::new(), materials.len());
+    let mut import = Import { document, rig, rigid_joints, stored, skinned, materials: count, report };
     import.read_meshes()?;
     if import.stored.faces.iter().any(|f| f.material as usize == materials.len()) {
-        materials.push(Material::default());
+        materials.push(Material { finish: Some(Arc::default()), ..Material::default() });
     }
     import.finish(name, materials)
 }
@@ -62,43 +62,6 @@ struct Skinned {
 }
 
 impl Import<'_> {
-    fn read_materials(&mut self, folder: Option<&Path>) -> Vec<Material> {
-        let root = &self.document.root;
-        let mut pictures: Vec<Option<Option<Arc<Texture>>>> = vec![None; root.images.len()];
-        let mut materials = Vec::new();
-        for material in &root.materials {
-            let pbr = &material.pbr_metallic_roughness;
-            let texture = pbr.base_color_texture.as_ref().and_then(|info| {
-                let index = info.index.value();
-                let image = root.textures.get(index).map(|t| t.source.value()).filter(|&image| image < pictures.len());
-                let Some(image) = image else {
-                    let warning = match self.document.extensions.of_picture(index) {
-                        Some(name) => format!("textures whose pictures only {name} gives are left out"),
-                        None => format!("texture {index} is left out: the file has no picture for it"),
-                    };
-                    warn_once(&mut self.report.warnings, &warning);
-                    return None;
-                };
-                pictures[image]
-                    .get_or_insert_with(|| match read_picture(&self.document, image, folder) {
-                        Ok(texture) => Some(Arc::new(texture)),
-                        Err(error) => {
-                            self.report.warnings.push(format!("image {image} is left out: {error}"));
-                            None
-                        }
-                    })
-                    .clone()
-            });
-            let base_colour = pbr.base_color_factor.0.map(|c| if c.is_finite() { c } else { 1.0 });
-            let name = material.name.clone().unwrap_or_default();
-            let named = pbr.base_color_texture.as_ref().and_then(|info| root.textures.get(info.index.value())?.sampler);
-            let sampler = named.and_then(|s| root.samplers.get(s.value())).map(sampler).unwrap_or_default();
-            let alpha = alpha(material);
-            materials.push(Material { name, base_colour, texture, sampler, alpha, double_sided: material.double_sided });
-        }
-        materials
-    }
-
     fn read_meshes(&mut self) -> Result<(), FormatError> {
         for node in 0..self.rig.scene_nodes {
             let file_node = self.rig.file_node[node] as usize;
@@ -147,10 +110,9 @@ impl Import<'_> {
             return Err(FormatError::range(label, "material", material as u64, self.materials));
         }
         let joints = skin.map(|s| self.rig.skins[s].palette.as_slice());
-        let transform = texture_transform(&self.document, primitive, &mut self.report.warnings);
-        let uv_set = transform.and_then(|t| t.uv_set).unwrap_or_else(|| uv_set(&self.document.root, primitive));
-        let mut attributes = read_attributes(&self.document, primitive, uv_set, joints, &faces, &label)?;
-        if let Some(transform) = transform {
+        let laid = gltf_materials::laid(&self.document, primitive.material.map(|m| m.value()), &mut self.report.warnings);
+        let mut attributes = read_attributes(&self.document, primitive, laid.uv_set, joints, &faces, &label)?;
+        if let Some(transform) = laid.transform {
             attributes.uvs.iter_mut().for_each(|uv| *uv = transform.apply(*uv));
         }
         let total = self.stored.positions.len() + attributes.positions.len();
@@ -351,54 +313,6 @@ fn bounds(points: impl Iterator<Item = DVec3>) -> (DVec3, DVec3) {
 
 fn widen(p: [f32; 3]) -> DVec3 {
     DVec3::from_array(p.map(f64::from))
-}
-
-/// What a material says about alpha; opaque where that is unknown.
-fn alpha(material: &json::Material) -> AlphaMode {
-    match material.alpha_mode {
-        Checked::Valid(json::material::AlphaMode::Mask) => AlphaMode::Mask(material.alpha_cutoff.unwrap_or_default().0),
-        Checked::Valid(json::material::AlphaMode::Blend) => AlphaMode::Blend,
-        _ => AlphaMode::Opaque,
-    }
-}
-
-/// A sampler without what is unknown in it.
-fn sampler(sampler: &json::texture::Sampler) -> Sampler {
-    let wrap = [sampler.wrap_s, sampler.wrap_t].map(|wrap| match wrap {
-        Checked::Valid(wrap) => wrap.as_gl_enum(),
-        Checked::Invalid => Sampler::REPEAT,
-    });
-    let magnified = sampler.mag_filter.and_then(|f| if let Checked::Valid(f) = f { Some(f.as_gl_enum()) } else { None });
-    let minified = sampler.min_filter.and_then(|f| if let Checked::Valid(f) = f { Some(f.as_gl_enum()) } else { None });
-    Sampler { magnified, minified, wrap }
-}
-
-/// The texture coordinate set that the material's base colour texture names.
-fn uv_set(root: &json::Root, primitive: &json::mesh::Primitive) -> u32 {
-    let material = primitive.material.and_then(|m| root.materials.get(m.value()));
-    material.and_then(|m| m.pbr_metallic_roughness.base_color_texture.as_ref()).map_or(0, |t| t.tex_coord)
-}
-
-/// How the material lays its base colour texture, where it says so.
-fn texture_transform(
-    document: &Document,
-    primitive: &json::mesh::Primitive,
-    warnings: &mut Vec<String>,
-) -> Option<TextureTransform> {
-    let read = document.extensions.texture_transform(primitive.material?.value())?;
-    if let Err(error) = &read {
-        warn_once(warnings, &format!("a texture's KHR_texture_transform is left out: {error}"));
-    }
-    read.ok()
-}
-
-fn read_picture(document: &Document, image: usize, folder: Option<&Path>) -> Result<Texture, String> {
-    let image = &document.root.images[image];
-    match (&image.uri, image.buffer_view) {
-        (Some(uri), _) => decode(&read_uri(uri, folder)?),
-        (None, Some(view)) => decode(document.view(view.value()).map_err(|e| e.to_string())?),
-        (None, None) => Err("it has no data".into()),
-    }
 }
 
 impl Attributes {

@@ -8,14 +8,17 @@ mod error;
 mod export_weights;
 mod facing;
 mod flats;
+mod glb_materials;
 mod glb_writer;
 mod gltf_data;
 mod gltf_export;
 mod gltf_extensions;
 mod gltf_import;
+mod gltf_materials;
 mod gltf_primitive;
 mod gltf_rig;
 mod gltf_skins;
+mod gltf_tangents;
 mod inspect;
 mod material;
 mod mtl;
@@ -32,6 +35,8 @@ mod gltf_extensions_tests;
 #[cfg(test)]
 mod import_tests;
 #[cfg(test)]
+mod materials_tests;
+#[cfg(test)]
 mod placement_tests;
 #[cfg(test)]
 mod skins_tests;
@@ -39,7 +44,7 @@ mod skins_tests;
 pub use error::FormatError;
 pub use gltf_export::{ExportPiece, ExportReport, export_glb};
 pub use inspect::{AnimationInfo, Bounds, Inspection, MaterialInfo, inspect};
-pub use material::{AlphaMode, Material, Sampler, Texture};
+pub use material::{AlphaMode, Finish, Material, Picture, Sampler, Texture};
 pub use obj_export::export_obj;
 pub use procedural::{NAMES as BUNDLED, generate};
 

@@ -1,6 +1,6 @@
 //! Material libraries of OBJ files: diffuse colour, opacity and diffuse texture.
 
-use super::material::{Material, decode};
+use super::material::{Material, Picture, decode};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -22,7 +22,8 @@ pub(crate) fn read(text: &str, folder: &Path, warnings: &mut Vec<String>) -> Vec
             ("Tr", &[transparency, ..]) => material.base_colour[3] = 1.0 - transparency,
             ("map_Kd", _) => {
                 let name = texture_name(rest);
-                let picture = super::read_named(&folder.join(name)).map_err(|e| e.to_string()).and_then(|bytes| decode(&bytes));
+                let bytes = super::read_named(&folder.join(name)).map_err(|e| e.to_string());
+                let picture = bytes.and_then(Picture::new).and_then(|picture| decode(Arc::new(picture)));
                 match picture {
                     Ok(texture) => {
                         material.texture = Some(Arc::new(texture));

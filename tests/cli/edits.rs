@@ -1,9 +1,9 @@
 //! cut and tear.
 
-use super::files::{ACROSS_THE_BEAM, PAST_THE_BEAM, TETRAHEDRON, THROUGH_THE_BEAM};
+use super::files::{ACROSS_THE_BEAM, Gltf, PAST_THE_BEAM, TETRAHEDRON, THROUGH_THE_BEAM};
 use super::models::check_map;
 use super::support::{Is, Place, close, count, files_in, has, list, number};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// The keys that every edit has.
@@ -451,4 +451,34 @@ fn edits_give_the_same_bits_whatever_the_thread_count() {
     let one = tear("one.glb", "0.7", "1");
     assert!(one == tear("four.glb", "0.7", "4"));
     assert!(one != tear("other.glb", "0.8", "4"));
+}
+
+#[test]
+fn what_is_cut_keeps_its_look() {
+    let place = Place::new();
+    Gltf::default().write(&place);
+    let mut file = place.json("model.gltf");
+    let pixel = "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg==";
+    let ior = json!({ "KHR_materials_ior": { "ior": 1.4 } });
+    file["images"] = json!([{ "uri": format!("data:image/png;base64,{pixel}") }]);
+    file["textures"] = json!([{ "source": 0 }]);
+    file["materials"] = json!([{
+        "name": "skin", "doubleSided": true, "normalTexture": { "index": 0, "scale": 0.5 }, "extensions": ior,
+        "pbrMetallicRoughness": { "baseColorFactor": [0.5, 0.25, 1.0, 1.0], "metallicFactor": 0.25, "roughnessFactor": 0.75 },
+    }]);
+    file["meshes"][0]["primitives"][0]["material"] = json!(0);
+    place.write("model.gltf", file.to_string());
+    let edit = place.ok_json("cut model.gltf --plane 1,0,0,0.25 --cap --out pieces");
+    assert_eq!(list(&edit["pieces"]).len(), 2, "{edit}");
+    for piece in 0..2 {
+        let bytes = std::fs::read(place.path(&format!("pieces/piece-{piece}.glb"))).unwrap();
+        let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+        let found: Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+        assert_eq!(found["materials"][0], file["materials"][0]);
+        let attributes = &found["meshes"][0]["primitives"][0]["attributes"];
+        assert!(["TEXCOORD_0", "TANGENT"].iter().all(|a| attributes.get(a).is_some()), "{attributes}");
+        let cap = &found["materials"][1];
+        assert_eq!((&cap["name"], &cap["pbrMetallicRoughness"]["metallicFactor"]), (&json!("cap"), &json!(0.0)));
+        assert_eq!((list(&found["images"]).len(), &found["extensionsUsed"]), (1, &json!(["KHR_materials_ior"])));
+    }
 }
