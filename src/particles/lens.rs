@@ -44,9 +44,9 @@ pub(super) struct Lens {
     pub(super) leg: Vec<LegLip>,
 }
 
-/// Particles of a slit that there is room for at first, more than [`WoundSettings::max_particles`] mostly is, and of those that move one of
+/// Particles that there is room for at first, of a slit and of some that it crosses ([`WoundSettings::max_particles`] each), and of those that move one of
 /// its lips.
-const MARKS: usize = 256;
+const MARKS: usize = 512;
 const SHARES: usize = 16;
 
 const NONE: u32 = u32::MAX;
