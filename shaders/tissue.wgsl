@@ -185,6 +185,13 @@ fn lip_near(t: u32, v: u32, p: vec3f) -> NearLip {
     return found;
 }
 
+// Distance of a point from the line through two points; from the one where they are one.
+fn to_line(p: vec3f, start: vec3f, end: vec3f) -> f32 {
+    let along = end - start;
+    let square = dot(along, along);
+    return length(p - start - select(0.0, dot(p - start, along) / square, square > 0.0) * along);
+}
+
 // Distances of corner `k` of a face of the skin from what is lip at each of its corners: an edge of its own, or what else is the nearest
 // there. In diagonals; each goes straight over the face.
 fn from_edges(t: u32, face: u32, k: u32) -> vec3f {
@@ -197,11 +204,13 @@ fn from_edges(t: u32, face: u32, k: u32) -> vec3f {
         } else if (!is_lip_edge(t, face, (i + 2u) % 3u)) {
             let lip = lip_near(t, wedges[tissues[t].wedges + faces[face].wedges[i]].vertex, p[i]);
             for (var e = 0u; e < lip.count; e++) {
-                away[i] = min(away[i], to_stretch(p[k], lip.starts[e], lip.ends[e]) * tissues[t].detail_scale);
+                away[i] = min(away[i], to_line(p[k], lip.starts[e], lip.ends[e]) * tissues[t].detail_scale);
             }
             if (lip.count == 0u) {
                 away[i] = lip_value(t, face, i) + distance(p[i], p[k]) * tissues[t].detail_scale;
             }
+            // A lip goes on beyond that stretch of it, or it ends there: no corner is nearer than it is to any.
+            away[i] = max(away[i], lip_value(t, face, k));
         }
     }
     return vec3f(away[0], away[1], away[2]);
