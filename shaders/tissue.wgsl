@@ -95,15 +95,15 @@ fn is_between_lips(t: u32, face: u32) -> bool {
     }
     for (var k = 0u; k < 3u; k++) {
         let c = (k + 2u) % 3u;
-        if (is_lip_edge(t, face, k) && lip_value(t, face, c) > 0.8 * from_edge(t, p, k, c)) {
+        if (ends_skin_between_lips(t, face, k) && lip_value(t, face, c) > 0.8 * from_edge(t, p, k, c)) {
             return false;
         }
     }
     return true;
 }
 
-// True for an edge of a face of the skin that is the lip of a wound.
-fn is_lip_edge(t: u32, face: u32, k: u32) -> bool {
+// True for an edge from lip to lip beyond which there is no skin: of a face of the skin the lip of a wound, of a wall's none itself.
+fn ends_skin_between_lips(t: u32, face: u32, k: u32) -> bool {
     let ends = max(lip_value(t, face, k), lip_value(t, face, (k + 1u) % 3u));
     return ends <= 0.0 && ends_skin(t, faces[face].opposites[k]);
 }
@@ -199,9 +199,9 @@ fn from_edges(t: u32, face: u32, k: u32) -> vec3f {
     var away: array<f32, 3>;
     for (var i = 0u; i < 3u; i++) {
         away[i] = OFF_LIP;
-        if (is_lip_edge(t, face, i)) {
+        if (ends_skin_between_lips(t, face, i)) {
             away[i] = from_edge(t, p, i, k);
-        } else if (!is_lip_edge(t, face, (i + 2u) % 3u)) {
+        } else if (!ends_skin_between_lips(t, face, (i + 2u) % 3u)) {
             let lip = lip_near(t, wedges[tissues[t].wedges + faces[face].wedges[i]].vertex, p[i]);
             for (var e = 0u; e < lip.count; e++) {
                 away[i] = min(away[i], to_line(p[k], lip.starts[e], lip.ends[e]) * tissues[t].detail_scale);
@@ -222,8 +222,7 @@ fn joins_lips(t: u32, face: u32) -> bool {
         return false;
     }
     for (var k = 0u; k < 3u; k++) {
-        let ends = max(lip_value(t, face, k), lip_value(t, face, (k + 1u) % 3u));
-        if (ends <= 0.0 && ends_skin(t, faces[face].opposites[k])) {
+        if (ends_skin_between_lips(t, face, k)) {
             return true;
         }
     }

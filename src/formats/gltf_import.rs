@@ -2,7 +2,7 @@
 
 use super::gltf_data::Document;
 use super::gltf_extensions::DRACO;
-use super::gltf_materials;
+use super::gltf_materials::{self, Laid};
 use super::gltf_primitive::{Attributes, read_attributes, triangles};
 use super::gltf_rig::{self, ImportedRig, warn_once};
 use super::gltf_skins::BindChange;
@@ -32,9 +32,9 @@ pub(crate) fn read(bytes: &[u8], name: &str, folder: Option<&Path>) -> Result<Mo
     }
     let rig = gltf_rig::read(&document, &mut report.warnings)?;
     let rigid_joints = vec![u32::MAX; rig.rig.nodes.len()];
-    let mut materials = gltf_materials::read(&document, folder, &mut report.warnings);
-    let (stored, skinned, count) = (Stored::default(), Vec::new(), materials.len());
-    let mut import = Import { document, rig, rigid_joints, stored, skinned, materials: count, report };
+    let (mut materials, laid) = gltf_materials::read(&document, folder, &mut report.warnings);
+    let (stored, skinned) = (Stored::default(), Vec::new());
+    let mut import = Import { document, rig, rigid_joints, stored, skinned, laid, report };
     import.read_meshes()?;
     if import.stored.faces.iter().any(|f| f.material as usize == materials.len()) {
         materials.push(Material { finish: Some(Arc::default()), ..Material::default() });
@@ -49,7 +49,8 @@ struct Import<'a> {
     rigid_joints: Vec<u32>,
     stored: Stored,
     skinned: Vec<Skinned>,
-    materials: usize,
+    /// How the file's materials are laid.
+    laid: Vec<Laid>,
     report: LoadReport,
 }
 
@@ -105,12 +106,13 @@ impl Import<'_> {
             return Err(FormatError::UnsupportedExtension { name: DRACO.into() });
         }
         let Some(faces) = triangles(&self.document, primitive, &label, &mut self.report.warnings)? else { return Ok(()) };
-        let material = primitive.material.map_or(self.materials, |m| m.value());
-        if material > self.materials || (primitive.material.is_some() && material == self.materials) {
-            return Err(FormatError::range(label, "material", material as u64, self.materials));
+        let materials = self.laid.len();
+        let material = primitive.material.map_or(materials, |m| m.value());
+        if material > materials || (primitive.material.is_some() && material == materials) {
+            return Err(FormatError::range(label, "material", material as u64, materials));
         }
         let joints = skin.map(|s| self.rig.skins[s].palette.as_slice());
-        let laid = gltf_materials::laid(&self.document, primitive.material.map(|m| m.value()), &mut self.report.warnings);
+        let laid = primitive.material.and_then(|m| self.laid.get(m.value())).copied().unwrap_or_default();
         let mut attributes = read_attributes(&self.document, primitive, laid.uv_set, joints, &faces, &label)?;
         if let Some(transform) = laid.transform {
             attributes.uvs.iter_mut().for_each(|uv| *uv = transform.apply(*uv));

@@ -27,8 +27,7 @@ pub(crate) struct Laid {
 }
 
 /// How a material is laid. Without a base colour texture, by the set that most of its other textures have.
-pub(crate) fn laid(document: &Document, material: Option<usize>, warnings: &mut Vec<String>) -> Laid {
-    let Some(material) = material else { return Laid::default() };
+fn laid(document: &Document, material: usize, warnings: &mut Vec<String>) -> Laid {
     if let Some(info) = document.extensions.base_colour(material) {
         let transform = info.transform(warnings);
         return Laid { uv_set: info.uv_set(transform), transform };
@@ -45,11 +44,11 @@ pub(crate) fn laid(document: &Document, material: Option<usize>, warnings: &mut 
     Laid { uv_set: most.unwrap_or(0), transform: None }
 }
 
-/// All materials of the file, in its order; what cannot be kept is left out with a warning.
-pub(crate) fn read(document: &Document, folder: Option<&Path>, warnings: &mut Vec<String>) -> Vec<Material> {
+/// All materials of the file, in its order, and how each is laid; what cannot be kept is left out with a warning.
+pub(crate) fn read(document: &Document, folder: Option<&Path>, warnings: &mut Vec<String>) -> (Vec<Material>, Vec<Laid>) {
     let images = document.root.images.len();
     let mut reader = Reader { document, folder, warnings, pictures: vec![None; images], decoded: vec![None; images] };
-    (0..document.root.materials.len()).map(|material| reader.material(material)).collect()
+    (0..document.root.materials.len()).map(|material| reader.material(material)).unzip()
 }
 
 struct Reader<'a> {
@@ -62,20 +61,22 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn material(&mut self, number: usize) -> Material {
+    fn material(&mut self, number: usize) -> (Material, Laid) {
         let material = &self.document.root.materials[number];
         let pbr = &material.pbr_metallic_roughness;
         let base = pbr.base_color_texture.as_ref().map(|info| info.index.value());
         let texture = base.and_then(|index| self.image(index)).and_then(|image| self.pixels(image));
-        Material {
+        let laid = laid(self.document, number, self.warnings);
+        let material = Material {
             name: material.name.clone().unwrap_or_default(),
             base_colour: pbr.base_color_factor.0.map(|c| if c.is_finite() { c } else { 1.0 }),
             texture,
             sampler: base.map(|index| self.sampler(index)).unwrap_or_default(),
             alpha: alpha(material),
             double_sided: material.double_sided,
-            finish: Some(Arc::new(self.finish(number))),
-        }
+            finish: Some(Arc::new(self.finish(number, laid))),
+        };
+        (material, laid)
     }
 
     /// The image of a texture.
@@ -120,9 +121,8 @@ impl Reader<'_> {
     }
 
     /// What the file says of a material besides base colour, alpha and sides.
-    fn finish(&mut self, number: usize) -> Finish {
+    fn finish(&mut self, number: usize, laid: Laid) -> Finish {
         let raw = self.document.extensions.material(number);
-        let laid = laid(self.document, Some(number), self.warnings);
         let mut keep = Keep { reader: self, laid, label: label(raw, number), maps: Vec::new(), lost: Vec::new() };
         let pbr = raw.get("pbrMetallicRoughness").unwrap_or(&Value::Null);
         let mut pbr = parts(pbr, &["metallicFactor", "roughnessFactor", "metallicRoughnessTexture", "extras"]);

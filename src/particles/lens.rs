@@ -97,22 +97,25 @@ struct Marked {
 }
 
 impl Marked {
-    const NONE: Self = Self {
-        particle: ParticleId::NONE,
-        anchor: VertexId::NONE,
-        mark: 0,
-        wound: 0,
-        place: 0.0,
-        is_elsewhere: false,
-        outwards: DVec3::ZERO,
-        half_gap: 0.0,
-        lip: 0.0,
-        set: 0.0,
-        most: MOST[1],
-        pushed: 0.0,
-        off: 0.0,
-        step: 0.0,
-    };
+    /// The particle of a mark, by the mark's place among those of all strips; `None` if it has retired. What its wound is like is to follow.
+    fn of(map: &ParticleMap, strips: &Strips, (i, mark): (usize, &WoundMark)) -> Option<Self> {
+        Some(Self {
+            particle: mark.particle,
+            anchor: map.anchors.get(mark.particle.index()).copied().filter(|a| a.is_some())?,
+            mark: i as u32,
+            wound: strips.as_slice()[mark.strip as usize].wound,
+            place: 0.0,
+            is_elsewhere: false,
+            outwards: strips.geometry(mark.strip as usize).normal() * f64::from(mark.side),
+            half_gap: 0.0,
+            lip: 0.0,
+            set: 0.0,
+            most: MOST[1],
+            pushed: 0.0,
+            off: 0.0,
+            step: 0.0,
+        })
+    }
 
     /// What the lip counts for: an end that gapes is seen more than a middle that is a little narrow.
     fn weight(&self) -> f64 {
@@ -210,25 +213,13 @@ impl Lens {
         self.marks.clear();
         let (mut first, mut last) = (f64::INFINITY, f64::NEG_INFINITY);
         for (i, mark) in strips.marks_of(opening.wound) {
-            let particle = mark.particle;
-            let Some(&anchor) = map.anchors.get(particle.index()).filter(|a| a.is_some()) else { continue };
+            let Some(marked) = Marked::of(map, strips, (i, mark)) else { continue };
             let place = strips.place_of(mark).0;
-            let is_elsewhere = !strips.as_slice()[mark.strip as usize].is_near_skin(rest[anchor.index()], wound.spacing);
+            let is_elsewhere = !strips.as_slice()[mark.strip as usize].is_near_skin(rest[marked.anchor.index()], wound.spacing);
             if is_elsewhere {
                 (first, last) = (first.min(place), last.max(place));
             }
-            let outwards = strips.geometry(mark.strip as usize).normal() * f64::from(mark.side);
-            self.push(Marked {
-                particle,
-                anchor,
-                mark: i as u32,
-                wound: opening.wound,
-                place,
-                is_elsewhere,
-                outwards,
-                half_gap,
-                ..Marked::NONE
-            });
+            self.push(Marked { place, is_elsewhere, half_gap, ..marked });
         }
         // What the blade cut of another skin may end before the wound does, whose lips meet where it ends: there that one's do.
         let (first, last) = (first - 0.5 * wound.spacing, last + 0.5 * wound.spacing);
@@ -250,46 +241,25 @@ impl Lens {
     /// its lens pushes one lip farther than the other, towards it where the skin between both is a wedge.
     fn list_crossed(&mut self, map: &ParticleMap, strips: &Strips, wound: u32) {
         self.crossed.clear();
-        let of = |mark: &WoundMark| strips.as_slice()[mark.strip as usize].wound;
-        let anchor = |mark: &WoundMark| map.anchors.get(mark.particle.index()).copied().filter(|a| a.is_some());
         for mark in strips.wounds.iter().filter(|m| m.lip > 0.0) {
-            let other = of(mark);
+            let other = strips.as_slice()[mark.strip as usize].wound;
             if other == wound || self.crossed.contains(&other) || self.crossed.len() == MOST_CROSSED {
                 continue;
             }
-            let Some(anchor) = anchor(mark) else { continue };
+            let Some(&anchor) = map.anchors.get(mark.particle.index()).filter(|a| a.is_some()) else { continue };
             let is_own = |p: ParticleId| self.place_of[p.index()] != NONE;
             if map.influences.row(anchor.index()).iter().any(|i| is_own(i.particle)) {
                 self.crossed.push(other);
             }
         }
-        if self.crossed.is_empty() {
-            return;
-        }
-        let own = self.marks.len();
-        for (i, mark) in strips.wounds.iter().enumerate() {
-            let (wound, particle) = (of(mark), mark.particle);
-            if !self.crossed.contains(&wound) {
-                continue;
+        for k in 0..self.crossed.len() {
+            let other = self.crossed[k];
+            let half_gap = f64::from(strips.marks_of(other).map(|(_, m)| m.lip).fold(0.0, f32::max));
+            for (i, mark) in strips.marks_of(other) {
+                let Some(marked) = Marked::of(map, strips, (i, mark)) else { continue };
+                let set = marked.outwards.dot(DVec3::from_array(map.rest_displacement[mark.particle.index()]));
+                self.push(Marked { half_gap, lip: f64::from(mark.lip), set, ..marked });
             }
-            let Some(anchor) = anchor(mark) else { continue };
-            let outwards = strips.geometry(mark.strip as usize).normal() * f64::from(mark.side);
-            let set = outwards.dot(DVec3::from_array(map.rest_displacement[particle.index()]));
-            self.push(Marked {
-                particle,
-                anchor,
-                mark: i as u32,
-                wound,
-                outwards,
-                lip: f64::from(mark.lip),
-                set,
-                ..Marked::NONE
-            });
-        }
-        for &wound in &self.crossed {
-            let lips = strips.wounds.iter().filter(|m| of(m) == wound).map(|m| m.lip);
-            let widest = f64::from(lips.fold(0.0, f32::max));
-            self.marks[own..].iter_mut().filter(|m| m.wound == wound).for_each(|m| m.half_gap = widest);
         }
     }
 
@@ -297,25 +267,28 @@ impl Lens {
     fn weigh(&mut self, map: &ParticleMap) -> f64 {
         self.shares.clear();
         for i in 0..self.marks.len() {
-            let (lip, mut pushed, mut most) = (self.marks[i], 0.0, self.marks[i].most);
+            let lip = self.marks[i];
+            let (mut pushed, mut is_crossed) = (0.0, false);
             for influence in map.influences.row(lip.anchor.index()) {
                 let (k, weight) = (self.place_of[influence.particle.index()], f64::from(influence.weight));
                 if let Some(m) = self.marks.get_mut(k as usize) {
                     self.shares.push(Share { lip: i as u32, particle: k, share: lip.share_of(m) * weight });
                     if m.wound != lip.wound {
                         m.most = MOST_IN_CROSSING;
-                        most = MOST_IN_CROSSING;
+                        is_crossed = true;
                     }
                     continue;
                 }
                 let push = DVec3::from_array(map.rest_displacement[influence.particle.index()]);
                 if let Some(way) = push.try_normalize() {
-                    let cosine = way.dot(lip.outwards);
-                    most = MOST_IN_CROSSING;
-                    pushed += weight * share_against(cosine) * push.length() * cosine;
+                    pushed += weight * share_against(way.dot(lip.outwards)) * push.dot(lip.outwards);
+                    is_crossed = true;
                 }
             }
-            (self.marks[i].pushed, self.marks[i].most) = (pushed, self.marks[i].most.min(most));
+            self.marks[i].pushed = pushed;
+            if is_crossed {
+                self.marks[i].most = MOST_IN_CROSSING;
+            }
         }
         for &Share { lip, particle, share } in &self.shares {
             let weight = self.marks[lip as usize].weight();

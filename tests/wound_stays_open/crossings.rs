@@ -146,21 +146,12 @@ fn a_stroke_obliquely_across_a_wound_shuts_none_of_its_arms() {
     }
 }
 
-/// A stroke down through a bar's top, a second in all, and time for its wound to open.
+/// A stroke down through a bar's top.
 fn stroke_down_the_top(scene: &mut Scene, begins: f64, [from, to]: [DVec3; 2]) {
-    scene.edit(EditCommand::StrokeBegin { width: 0.002 });
-    for k in 0..170 {
-        let t = begins + f64::from(k) * STEP;
-        let tip = from.lerp(to, f64::from(k.min(90)) / 90.0);
-        if k <= 90 {
-            scene.edit(EditCommand::StrokePose(BladePose { t, tip, base: tip + 0.23 * DVec3::Y }));
-        }
-        if k == 90 {
-            scene.edit(EditCommand::StrokeEnd);
-        }
-        scene.pose(t, 0.0);
-        scene.step(STEP);
-    }
+    stroke(scene, 0.002, begins, |x| {
+        let tip = from.lerp(to, 2.0 * x + 0.5);
+        [tip, tip + 0.23 * DVec3::Y]
+    });
 }
 
 /// How far the lips of the first wound in a bar's top have moved apart, every 2 mm along it, by what lies between those on either side.
