@@ -8,6 +8,8 @@ mod crossings;
 mod lines;
 #[path = "wound_stays_open/lips.rs"]
 mod lips;
+#[path = "wound_stays_open/stars.rs"]
+mod stars;
 
 use common::models::{heart, scene, users_scene};
 use common::open_half_edges;

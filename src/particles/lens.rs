@@ -9,8 +9,9 @@ use super::legs::{LegLip, MOST_LIPS};
 use super::particle_map::ParticleMap;
 use super::settings::WoundSettings;
 use super::strips::{Strips, WoundMark};
+use super::unfold::{Free, Unfold};
 use crate::geometry::room::fit;
-use crate::geometry::{ParticleId, VertexId};
+use crate::geometry::{Mesh, ParticleId, VertexId};
 use glam::DVec3;
 
 /// Widest opening over the length of the slit: a short slit opens less than the gap.
@@ -28,6 +29,10 @@ const MOST_IN_CROSSING: f64 = 1.5;
 /// Two wounds whose lips on a strip of skin between them go against each other, as a cosine: each has half of what both would take (-0.985, 10
 /// degrees off parallel), or each stands on its own lens (-0.92, 23 degrees).
 const AGAINST: [f64; 2] = [-0.985, -0.92];
+/// A lip that what draws it draws less alike than this, a cosine, is drawn two ways at once.
+const ALIKE: f64 = 0.5;
+/// Beside a wound that opens by more than this share of its particles' radius to each side skin would turn over, too.
+const WIDE: f64 = 0.45;
 /// Older wounds that are looked at again where a new one pushes their lips.
 const MOST_CROSSED: usize = 8;
 
@@ -40,6 +45,7 @@ pub(super) struct Lens {
     shares: Vec<Share>,
     /// Wounds that the new one pushes at.
     crossed: Vec<u32>,
+    unfold: Unfold,
     /// Lips of a leg of the slit.
     pub(super) leg: Vec<LegLip>,
 }
@@ -150,8 +156,9 @@ pub(super) struct Opening {
 }
 
 impl Lens {
-    /// Makes room for a usual slit in a map of so many particles.
-    pub(super) fn make_room(&mut self, particles: usize) {
+    /// Makes room for a usual slit in a mesh of so many vertices with so many particles.
+    pub(super) fn make_room(&mut self, vertices: usize, particles: usize) {
+        self.unfold.make_room(vertices);
         fit(&mut self.place_of, particles, NONE);
         self.marks.reserve(MARKS);
         self.shares.reserve(SHARES * MARKS);
@@ -164,6 +171,7 @@ impl Lens {
     /// pushes at stay as wide as they were. Tells the particles whose displacement changed.
     pub(super) fn displace_wound(
         &mut self,
+        mesh: &Mesh,
         (map, rest): (&mut ParticleMap, &[DVec3]),
         strips: &mut Strips,
         wound: &WoundSettings,
@@ -172,6 +180,7 @@ impl Lens {
     ) {
         let half_gap = 0.5 * wound.gap.min(GAP_OVER_LENGTH * (opening.open[1] - opening.open[0]).max(0.0));
         self.list((map, rest), strips, wound, opening, half_gap);
+        let mut may_fold = false;
         if opening.is_done && half_gap > 0.0 {
             for m in &self.marks {
                 let mark = strips.wounds[m.mark as usize];
@@ -180,18 +189,26 @@ impl Lens {
                 }
             }
             self.list_crossed(map, strips, opening.wound);
-            let pace = self.weigh(map);
+            let (pace, is_pulled) = self.weigh(map);
+            may_fold = is_pulled || half_gap > WIDE * wound.radius;
             for _ in 0..ROUNDS {
                 if !self.round(pace) {
                     break;
                 }
             }
         }
-        for m in &self.marks {
-            self.place_of[m.particle.index()] = NONE;
-            let least = LEAST_SHARE * wound.gap;
+        let least = LEAST_SHARE * wound.gap;
+        self.unfold.free.clear();
+        self.unfold.free.extend(self.marks.iter().map(|m| {
             let share = if m.set.abs() < least { least } else { m.set };
-            let u0 = (m.outwards * share).to_array();
+            Free::new(m.particle, m.anchor, m.outwards * share)
+        }));
+        if may_fold {
+            self.unfold.run((mesh, rest), map, &self.place_of, wound.gap);
+        }
+        for m in &self.unfold.free {
+            self.place_of[m.particle.index()] = NONE;
+            let u0 = m.displacement.to_array();
             if map.rest_displacement[m.particle.index()] != u0 && u0 != [0.0; 3] {
                 map.rest_displacement.set(m.particle.index(), u0);
                 changed(m.particle);
@@ -263,9 +280,10 @@ impl Lens {
         }
     }
 
-    /// Collects what moves each lip, and how far the iteration may go in a round.
-    fn weigh(&mut self, map: &ParticleMap) -> f64 {
+    /// Collects what moves each lip. How far the iteration may go in a round, and whether a lip is drawn two ways at once.
+    fn weigh(&mut self, map: &ParticleMap) -> (f64, bool) {
         self.shares.clear();
+        let mut is_pulled = false;
         for i in 0..self.marks.len() {
             let lip = self.marks[i];
             let (mut pushed, mut is_crossed) = (0.0, false);
@@ -273,6 +291,7 @@ impl Lens {
                 let (k, weight) = (self.place_of[influence.particle.index()], f64::from(influence.weight));
                 if let Some(m) = self.marks.get_mut(k as usize) {
                     self.shares.push(Share { lip: i as u32, particle: k, share: lip.share_of(m) * weight });
+                    is_pulled |= m.outwards.dot(lip.outwards) < ALIKE;
                     if m.wound != lip.wound {
                         m.most = MOST_IN_CROSSING;
                         is_crossed = true;
@@ -288,6 +307,7 @@ impl Lens {
             self.marks[i].pushed = pushed;
             if is_crossed {
                 self.marks[i].most = MOST_IN_CROSSING;
+                is_pulled = true;
             }
         }
         for &Share { lip, particle, share } in &self.shares {
@@ -295,7 +315,7 @@ impl Lens {
             self.marks[particle as usize].step += share.abs() * weight;
         }
         let largest = self.marks.iter().map(|m| m.step).fold(1.0, f64::max);
-        1.0 / largest
+        (1.0 / largest, is_pulled)
     }
 
     /// One round. False if no lip is off by more than [`CLOSE`].

@@ -31,6 +31,7 @@ pub mod strip_test;
 pub mod strips;
 #[cfg(test)]
 mod test_models;
+mod unfold;
 pub mod validate;
 mod ways_round;
 mod work_rows;

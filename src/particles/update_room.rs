@@ -35,7 +35,7 @@ impl UpdateScratch {
         self.row.reserve(EDIT_ROOM);
         self.lost.reserve(EDIT_ROOM);
         self.lips.reserve(EDIT_ROOM);
-        self.lens.make_room(all);
+        self.lens.make_room(slots, all);
         self.report.make_room(EDIT_ROOM);
     }
 }

@@ -151,7 +151,9 @@ fn starts_held(update: &Update<'_, '_>, wound: u32, open: [f64; 2]) -> bool {
 /// Sets the rest displacements of a wound and notes whose have changed.
 fn displace(update: &mut Update<'_, '_>, opening: Opening) {
     let (lens, changed) = (&mut update.scratch.lens, &mut update.report.particles_changed);
-    lens.displace_wound((update.map, update.rest), update.strips, &update.settings.wound, opening, |j| changed.push(j));
+    lens.displace_wound(update.mesh, (update.map, update.rest), update.strips, &update.settings.wound, opening, |j| {
+        changed.push(j)
+    });
 }
 
 /// True if the lips of strip `k` meet at its start, or at its end: from the outermost lip, or from that given, skin leads to the other

@@ -81,8 +81,18 @@ pub fn users_scene_of(model: Model, opening_s: f64) -> Scene {
 
 /// [`users_scene_of`] of a material.
 pub fn users_scene_with(model: Model, network: NetworkSettings, opening_s: f64) -> Scene {
+    users_scene_wide(model, network, opening_s, 1.0)
+}
+
+/// [`users_scene`] whose wounds open so many times as wide in 0.3 s.
+pub fn users_scene_opening(name: &str, faces: usize, wide: f64) -> Scene {
+    users_scene_wide(model(name, faces), NetworkSettings::SOFT, 0.3, wide)
+}
+
+fn users_scene_wide(model: Model, network: NetworkSettings, opening_s: f64, wide: f64) -> Scene {
     let rest: Vec<_> = (0..model.rows.len()).map(|v| model.rows.rest(VertexId::new(v))).collect();
-    let particles = ParticleSettings { seed: 1, ..ParticleSettings::for_count(&model.mesh, &rest, 200) };
+    let mut particles = ParticleSettings { seed: 1, ..ParticleSettings::for_count(&model.mesh, &rest, 200) };
+    particles.wound.gap *= wide;
     let settings = TissueSettings { particles: Some(particles), network, opening_s, ..settings(&model) };
     let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
     Scene::new(Tissue::new(model, &settings).unwrap(), tools)
