@@ -243,6 +243,7 @@ impl<T: Copy + Pod> SlotCsr<T> {
     pub fn reserve(&mut self, rows: usize, entries: usize) {
         self.spans.reserve(rows);
         self.entries.reserve(entries);
+        self.rewritten.reserve(REWRITTEN_ROOM);
     }
 
     /// Makes room for what edits will append.

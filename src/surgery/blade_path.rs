@@ -306,10 +306,31 @@ pub struct EntryPoint {
     pub rise: f64,
 }
 
+/// What a blade meets on its way between two places.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Met {
+    /// A share of the way at which it is in the tissue.
+    pub share: f64,
+    /// The least parameter along the blade, from base (0) to tip (1), at which it meets tissue anywhere on the way.
+    pub s: f64,
+}
+
+/// Shares of a way at which a surface that cannot tell is tried.
+const TRIED_BETWEEN: [f64; 7] = [0.5, 0.25, 0.75, 0.125, 0.625, 0.375, 0.875];
+
 /// A surface that a blade can enter. The caller casts the ray; closures do.
 pub trait Surface {
     /// Where the blade `base -> tip` enters; `None` if it does not touch the tissue.
     fn entry(&self, tip: DVec3, base: DVec3) -> Option<EntryPoint>;
+
+    /// What a blade meets on the straight way between two places; `None` if nothing.
+    fn met_between(&self, from: &BladePose, to: &BladePose) -> Option<Met> {
+        let met = TRIED_BETWEEN.into_iter().filter_map(|share| {
+            let BladePose { tip, base, .. } = from.lerp(to, share);
+            self.entry(tip, base).map(|entry| Met { share, s: entry.s })
+        });
+        met.reduce(|first, other| Met { s: first.s.min(other.s), ..first })
+    }
 
     /// Where the blade is to be taken to be: at `pose`, unless a box that ends there would touch the surface rather than cross it or
     /// miss it.

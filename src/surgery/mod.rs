@@ -24,7 +24,7 @@ mod wall_mesh;
 mod wall_thin;
 pub mod walls;
 
-pub use blade_path::{BladePath, BladePose, EntryPoint, PathError, Sampling, SamplingSettings, SettingError, Surface};
+pub use blade_path::{BladePath, BladePose, EntryPoint, Met, PathError, Sampling, SamplingSettings, SettingError, Surface};
 pub use boxes::{ChainStart, HalfSpace, JointId, LATERAL_SIDES, PlaneId, Side, Slit, TearBox, TearSegment, plane_side};
 pub use boxes_obj::{write_boxes, write_slits};
 pub use chain::{ChainBuilder, PendingQuad};

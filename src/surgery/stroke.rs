@@ -1,6 +1,6 @@
 //! A stroke: poses in, tear segments out. The sampler, the clip of the blade and the chain builder in one.
 
-use super::blade_path::{BladePose, Sampling, Surface};
+use super::blade_path::{BladePose, Met, Sampling, Surface};
 use super::boxes::TearSegment;
 use super::chain::ChainBuilder;
 use super::path_sampler::{ClippedSample, PathSample, PathSampler, SampleKind};
@@ -101,26 +101,55 @@ impl Stroke {
     }
 
     fn feed(&mut self, surface: &(impl Surface + ?Sized), out: &mut Vec<TearSegment>) {
-        for sample in &self.samples {
-            let mut clipped = ClippedSample::clip(sample, surface, &self.sampling);
-            if let Some(previous) = &self.previous {
-                if previous.top.is_none() && clipped.top.is_some() {
-                    self.builder.keep_outside(&clipped.pose, |pose| surface.entry(pose.tip, pose.base).is_none());
-                }
-                clipped.raise = rise_between(previous, &clipped, surface, &self.sampling);
+        for i in 0..self.samples.len() {
+            let mut clipped = ClippedSample::clip(&self.samples[i], surface, &self.sampling);
+            if let Some(between) = self.between(&clipped, surface) {
+                self.take(between, surface, out);
+                // it leaves what it has met, and does not end there
+                clipped.kind = SampleKind::Move;
+            }
+            self.take(clipped, surface, out);
+        }
+    }
+
+    /// A sample where the blade has met the tissue since the last, if that is outside as the new one is: a strip between wounds, say, is
+    /// thinner than the way between samples.
+    fn between(&self, new: &ClippedSample, surface: &(impl Surface + ?Sized)) -> Option<ClippedSample> {
+        let previous =
+            self.previous.as_ref().filter(|p| p.top.is_none() && new.top.is_none() && new.kind != SampleKind::Axial)?;
+        let share = surface.met_between(&previous.pose, &new.pose)?.share;
+        let met = PathSample { pose: previous.pose.lerp(&new.pose, share), kind: SampleKind::Move };
+        Some(ClippedSample::clip(&met, surface, &self.sampling)).filter(|met| met.top.is_some())
+    }
+
+    fn take(&mut self, mut clipped: ClippedSample, surface: &(impl Surface + ?Sized), out: &mut Vec<TearSegment>) {
+        if let Some(previous) = &self.previous {
+            if previous.top.is_none() && clipped.top.is_some() {
+                self.builder.keep_outside(&clipped.pose, |pose| surface.entry(pose.tip, pose.base).is_none());
+            }
+            clipped.raise = rise_between(previous, &clipped, surface, &self.sampling);
+            if previous.top.is_some() {
                 self.builder.raise_last(clipped.raise);
             }
-            self.builder.push(&clipped, out);
-            if sample.kind != SampleKind::Axial || clipped.top.is_none() {
-                self.previous = Some(clipped);
-            }
+        }
+        self.builder.push(&clipped, out);
+        if clipped.kind != SampleKind::Axial || clipped.top.is_none() {
+            self.previous = Some(clipped);
         }
     }
 }
 
 /// How much higher than the line between two tops the surface comes on the way, margin included (MATHS 5.1).
 fn rise_between(a: &ClippedSample, b: &ClippedSample, surface: &(impl Surface + ?Sized), sampling: &Sampling) -> f64 {
-    let (Some(top_a), Some(top_b), SampleKind::Move) = (a.top, b.top, b.kind) else { return 0.0 };
+    if b.kind != SampleKind::Move {
+        return 0.0;
+    }
+    let (top_a, top_b) = match (a.top, b.top) {
+        (Some(top_a), Some(top_b)) => (top_a, top_b),
+        (Some(top), None) => return rise_beside(a, top, surface.met_between(&a.pose, &b.pose), sampling),
+        (None, Some(top)) => return rise_beside(b, top, surface.met_between(&a.pose, &b.pose), sampling),
+        (None, None) => return 0.0,
+    };
     // a ridge right beside the lower top reaches as high as the higher one
     let mut rise = (top_b - top_a).dot(b.pose.up()).abs();
     for k in 1..=sampling.probes {
@@ -135,6 +164,14 @@ fn rise_between(a: &ClippedSample, b: &ClippedSample, surface: &(impl Surface + 
         }
     }
     rise
+}
+
+/// How much higher than its top the surface comes on the way between a blade inside and one outside, margin included: a blade that leans enters a
+/// part by its side.
+fn rise_beside(inside: &ClippedSample, top: DVec3, met: Option<Met>, sampling: &Sampling) -> f64 {
+    let BladePose { tip, base, .. } = inside.pose;
+    let above = met.map_or(f64::NEG_INFINITY, |met| (base - tip).length() * (1.0 - met.s) - (top - tip).length());
+    if above > -0.5 * sampling.entry_margin { above + sampling.entry_margin } else { 0.0 }
 }
 
 /// All segments of a whole path: what a live stroke gives for the same poses over the same surface, bit for bit.

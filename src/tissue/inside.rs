@@ -2,9 +2,9 @@
 
 use super::Tissue;
 use super::positions::PositionCache;
-use super::surface::{segment_crosses, segment_meets_box};
+use super::surface::{edges, segment_crosses, segment_meets_box, segment_triangle};
 use crate::geometry::FaceId;
-use crate::surgery::{BladePose, EntryPoint, Surface, TearBox};
+use crate::surgery::{BladePose, EntryPoint, Met, Surface, TearBox};
 use glam::DVec3;
 
 /// How far from the skin a blade of a closed tear is kept that would lie or end in it, and how much wider its boxes are, as a
@@ -23,6 +23,34 @@ impl Surface for Seen<'_> {
     fn entry(&self, tip: DVec3, base: DVec3) -> Option<EntryPoint> {
         let found = self.tissue.blade_entry_at(tip, base, |v| self.positions.of(self.tissue, v));
         found.map(|(s, _)| EntryPoint { s, rise: 0.0 })
+    }
+
+    fn met_between(&self, from: &BladePose, to: &BladePose) -> Option<Met> {
+        let ends = [from.tip, from.base, to.tip, to.base];
+        let [low, high] = ends.iter().fold([ends[0]; 2], |[low, high], p| [low.min(*p), high.max(*p)]);
+        let meets = move |l: DVec3, h: DVec3| !(l.cmpgt(high).any() || h.cmplt(low).any());
+        let (mut widest, mut s) = (None, f64::INFINITY);
+        for f in self.tissue.faces_where(meets) {
+            let face = self.tissue.mesh.face(f).map(|v| self.positions.of(self.tissue, v));
+            let [a, b, c] = face;
+            if !meets(a.min(b).min(c), a.max(b).max(c)) {
+                continue;
+            }
+            let [mut first, mut last] = [1.0f64, 0.0];
+            each_swept(from, to, face, |share, along| {
+                (first, last) = (first.min(share), last.max(share));
+                s = s.min(along);
+            });
+            if first > last {
+                continue;
+            }
+            // in a face that it lies in, or at its edge, the blade does not go through what it meets
+            let BladePose { tip, base, .. } = from.lerp(to, 0.5 * (first + last));
+            if widest.is_none_or(|(width, _)| last - first > width) && self.entry(tip, base).is_some() {
+                widest = Some((last - first, 0.5 * (first + last)));
+            }
+        }
+        widest.map(|(_, share)| Met { share, s })
     }
 
     /// In a closed tear a blade that lies or ends in a face of the skin, to within rounding, is taken to be a little outside: walls of
@@ -53,6 +81,28 @@ impl Surface for Seen<'_> {
             }
         }
         BladePose { tip: tip + outward[0], base: base + outward[1], ..pose }
+    }
+}
+
+/// Calls `found` with each point of a triangle's edges that a blade sweeps between two places, and with each that its ends go through: the share of
+/// the way, and where along the blade, from base (0) to tip (1).
+fn each_swept(from: &BladePose, to: &BladePose, triangle: [DVec3; 3], mut found: impl FnMut(f64, f64)) {
+    for (p, q) in edges(triangle) {
+        for swept in [[from.tip, to.tip, to.base], [from.tip, to.base, from.base]] {
+            if let Some(at) = segment_triangle(p, q, swept) {
+                let p = p.lerp(q, at);
+                let [gone, ahead] = [from, to].map(|blade| (p - blade.tip).reject_from(blade.base - blade.tip).length());
+                let share = gone / (gone + ahead).max(f64::MIN_POSITIVE);
+                let BladePose { tip, base, .. } = from.lerp(to, share);
+                let up = base - tip;
+                found(share, (1.0 - (p - tip).dot(up) / up.length_squared()).clamp(0.0, 1.0));
+            }
+        }
+    }
+    for (p, q, s) in [(from.tip, to.tip, 1.0), (from.base, to.base, 0.0)] {
+        if let Some(share) = segment_triangle(p, q, triangle) {
+            found(share, s);
+        }
     }
 }
 

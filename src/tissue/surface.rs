@@ -152,7 +152,7 @@ fn orient(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
     robust::orient3d(a, b, c, d)
 }
 
-fn edges([a, b, c]: [DVec3; 3]) -> [(DVec3, DVec3); 3] {
+pub(super) fn edges([a, b, c]: [DVec3; 3]) -> [(DVec3, DVec3); 3] {
     [(a, b), (b, c), (c, a)]
 }
 

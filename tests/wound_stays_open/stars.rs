@@ -47,3 +47,19 @@ fn mean_opening(tissue: &Tissue) -> f64 {
     let all: Vec<f64> = tissue.mesh().live_vertices().filter_map(out).collect();
     all.iter().sum::<f64>() / all.len() as f64
 }
+
+/// Three strokes beside each other and three across: the squares between come off. What is left of the strips between wide wounds is narrower than
+/// the way from a sample to the next, and the blade went over it from wound to wound and left it whole.
+#[test]
+fn strips_between_wounds_are_cut_through() {
+    let mut scene = users_scene_opening("heart", 18_000, 1.31);
+    scene.set_wall(WallMode::Open);
+    for (k, place) in [-0.082, 0.0, 0.082, -0.082, 0.0, 0.082].into_iter().enumerate() {
+        stroke(&mut scene, 0.002, 2.0 * k as f64, |x| {
+            let at = 0.72 * x;
+            let at = if k < 3 { DVec3::new(at, place, 0.0) } else { DVec3::new(place, at, 0.0) };
+            [0.022, 0.086].map(|z| 0.1 * at + z * DVec3::Z)
+        });
+    }
+    assert_eq!(scene.tissues().count(), 5, "the heart and four squares");
+}
