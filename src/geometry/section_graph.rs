@@ -3,7 +3,7 @@
 
 use super::extract::Extraction;
 use super::fx::FxHashMap;
-use super::ids::{FaceId, HalfEdge, SectionId};
+use super::ids::{FaceId, HalfEdge, SectionId, VertexId};
 use super::mesh::{Mesh, MeshDelta};
 use super::room::{fit, headroom};
 
@@ -72,11 +72,14 @@ pub struct SectionGraph {
 macro_rules! mark_touched {
     ($mesh:expr, $notes:expr, $mark:expr) => {{
         let (mesh, notes, mut mark): (&Mesh, _, _) = ($mesh, $notes, $mark);
-        let now = |f: FaceId| mesh.face_info.get(f.index()).map(|i| i.section);
-        let faces = notes.faces.touched().chain(notes.opposite.touched()).chain(notes.face_info.touched());
+        // slices of everything: notes are many, and nobody is to look lengths up for each
+        let (infos, vertices) = (mesh.all_face_infos(), mesh.all_vertex_half_edges());
+        let now = |f: FaceId| infos.get(f.index()).map(|i| i.section);
+        // arrays of faces grow together: what one has appended, all have
+        let faces = notes.faces.overwritten_at().chain(notes.opposite.overwritten_at()).chain(notes.face_info.touched());
         faces.filter_map(|f| now(FaceId::new(f))).for_each(&mut mark);
         notes.face_info.overwritten().for_each(|i| mark(i.section));
-        let leaving = notes.vertex_half_edge.touched().filter_map(|v| mesh.vertex_half_edge.get(v));
+        let leaving = notes.vertex_half_edge.touched().filter_map(|v| vertices.get(v));
         let left = notes.vertex_half_edge.overwritten();
         leaving.chain(left).filter(|h| h.is_some()).filter_map(|h| now(h.face())).for_each(&mut mark);
     }};
@@ -142,8 +145,8 @@ impl SectionGraph {
 
     /// Notes what the edits since the last delta have changed. To be called before the delta is taken. True if anything has.
     pub fn note_edits(&mut self, mesh: &Mesh) -> bool {
-        let mut any = false;
-        mark_touched!(mesh, mesh, |s| any |= mark(&mut self.stale, s));
+        let (stale, mut any) = (&mut self.stale[..], false);
+        mark_touched!(mesh, mesh, |s| any |= mark(stale, s));
         if any {
             self.forget_parts();
         }
@@ -152,8 +155,8 @@ impl SectionGraph {
 
     /// Notes what going back or forth by a delta has changed; `inverse` is what it returned. True if anything has.
     pub fn note_delta(&mut self, mesh: &Mesh, inverse: &MeshDelta) -> bool {
-        let mut any = false;
-        mark_touched!(mesh, inverse, |s| any |= mark(&mut self.stale, s));
+        let (stale, mut any) = (&mut self.stale[..], false);
+        mark_touched!(mesh, inverse, |s| any |= mark(stale, s));
         if any {
             self.forget_parts();
         }
@@ -223,10 +226,12 @@ impl SectionGraph {
         self.loose.clear();
     }
 
-    fn list(&mut self, mesh: &Mesh, s: SectionId) {
+    fn list(&mut self, mesh: &Mesh, s: SectionId, place: impl Fn(usize) -> u32) {
+        let Self { slots, search, loose, .. } = self;
+        let slots = &mut slots[..];
         for f in mesh.section_faces(s) {
-            self.slots[f.index()] = [self.search, self.loose.len() as u32];
-            self.loose.push(f);
+            slots[f.index()] = [*search, place(loose.len())];
+            loose.push(f);
         }
     }
 
@@ -238,7 +243,7 @@ impl SectionGraph {
 
     fn gather(&mut self, mesh: &Mesh, s: SectionId) {
         self.begin(mesh);
-        self.list(mesh, s);
+        self.list(mesh, s, |place| place as u32);
         self.parent.clear();
         self.parent.extend(0..self.loose.len() as u32);
         let mut neighbours = std::mem::take(&mut self.facts[s.index()].neighbours);
@@ -280,7 +285,7 @@ impl SectionGraph {
         let sections = mesh.sections();
         for s in 0..sections {
             if self.stale[s] || !self.facts[s].whole {
-                self.list(mesh, SectionId::new(s));
+                self.list(mesh, SectionId::new(s), |_| UNSORTED);
             }
         }
         self.flood_loose(mesh);
@@ -322,7 +327,6 @@ impl SectionGraph {
         let (slots, search, opposites) = (&mut slots[..], *search, mesh.all_opposites());
         parent.clear();
         parent.extend(0..sections);
-        loose.iter().for_each(|f| slots[f.index()][1] = UNSORTED);
         for &seed in loose.iter() {
             if slots[seed.index()][1] != UNSORTED {
                 continue;
@@ -333,20 +337,20 @@ impl SectionGraph {
             stack.push(seed);
             let mut last = u32::MAX;
             while let Some(f) = stack.pop() {
-                for across in opposites[f.index()] {
+                for across in &opposites[f.index()] {
                     if across.is_none() {
                         continue;
                     }
                     let f = across.face();
-                    let [met, piece] = &mut slots[f.index()];
+                    let [met, sorted] = &mut slots[f.index()];
                     if *met != search {
                         let section = mesh.face_info(f).section.0;
                         if section != last {
                             join(parent, node, section);
                             last = section;
                         }
-                    } else if *piece == UNSORTED {
-                        *piece = node;
+                    } else if *sorted == UNSORTED {
+                        *sorted = node;
                         stack.push(f);
                     }
                 }
@@ -370,8 +374,8 @@ impl SectionGraph {
             let root = find(parent, node as u32) as usize;
             if part_of[root] == u32::MAX {
                 part_of[root] = parts.len() as u32;
-                // the first one is often the only one
-                let [whole, few] = if parts.is_empty() { [sections, loose.len()] } else { [0; 2] };
+                // a stroke mostly leaves one, a cut two
+                let [whole, few] = if parts.len() < 2 { [sections, loose.len()] } else { [0; 2] };
                 let mut new = spare.pop().unwrap_or_default();
                 new.sections.reserve(whole);
                 new.loose.reserve(few);
@@ -389,18 +393,26 @@ impl SectionGraph {
             part.lowest_origin = part.lowest_origin.min(facts.lowest_origin);
         }
         // a face is mostly in the piece that the one before it is in
-        let mut last = (UNSORTED, 0);
-        for &f in loose.iter() {
-            let node = slots[f.index()][1];
-            if node != last.0 {
-                last = (node, part(node as usize, &mut parts));
+        let (slots, infos, mut left) = (&slots[..], mesh.all_face_infos(), &loose[..]);
+        while let Some(first) = left.first() {
+            let node = slots[first.index()][1];
+            let at = part(node as usize, &mut parts);
+            let part = &mut parts[at];
+            let (mut len, mut vertices, mut lowest) = (0, 0, (part.lowest_face, part.lowest_origin));
+            for &f in left {
+                if slots[f.index()][1] != node {
+                    break;
+                }
+                len += 1;
+                vertices += owned(mesh, f);
+                lowest = (lowest.0.min(f), lowest.1.min(infos[f.index()].origin));
             }
-            let part = &mut parts[last.1];
-            part.loose.push(f);
-            part.faces += 1;
-            part.vertices += owned(mesh, f);
-            part.lowest_face = part.lowest_face.min(f);
-            part.lowest_origin = part.lowest_origin.min(mesh.face_info(f).origin);
+            let (run, others) = left.split_at(len);
+            part.loose.extend_from_slice(run);
+            part.faces += len;
+            part.vertices += vertices;
+            (part.lowest_face, part.lowest_origin) = lowest;
+            left = others;
         }
         parts.sort_unstable_by_key(|p| p.lowest_face);
         parts
@@ -452,9 +464,7 @@ impl Part {
     /// Its faces, ascending: by a bit each, which is faster than to sort them.
     pub fn sorted_faces(&self, mesh: &Mesh) -> Vec<FaceId> {
         let mut bits = vec![0u64; mesh.face_slots().div_ceil(64)];
-        for f in self.all_faces(mesh) {
-            bits[f.index() / 64] |= 1 << (f.index() % 64);
-        }
+        self.all_faces(mesh).for_each(|f| bits[f.index() / 64] |= 1 << (f.index() % 64));
         let mut faces = Vec::with_capacity(self.faces);
         for (i, &word) in bits.iter().enumerate().filter(|(_, word)| **word != 0) {
             let mut left = word;
@@ -469,8 +479,9 @@ impl Part {
 
 /// How many vertices lean on this face.
 fn owned(mesh: &Mesh, f: FaceId) -> usize {
-    let leans = |k: usize| mesh.all_vertex_half_edges()[mesh.face(f)[k].index()] == HalfEdge::of(f, k);
-    (0..3).filter(|&k| leans(k)).count()
+    let leaving = mesh.all_vertex_half_edges();
+    let leans = |(v, k): (&VertexId, usize)| usize::from(leaving[v.index()] == HalfEdge::of(f, k));
+    mesh.face(f).iter().zip(0..).map(leans).sum()
 }
 
 fn mark(stale: &mut [bool], s: SectionId) -> bool {

@@ -165,6 +165,11 @@ impl<T: Copy> Tracked<T> {
         self.log.iter().map(|w| w.0 as usize).chain(self.base_len..self.data.len())
     }
 
+    /// Indices of values that were written over since the last delta, repeats possible.
+    pub fn overwritten_at(&self) -> impl Iterator<Item = usize> + '_ {
+        self.log.iter().map(|w| w.0 as usize)
+    }
+
     /// Values that were written over since the last delta.
     pub fn overwritten(&self) -> impl Iterator<Item = &T> + '_ {
         self.log.iter().map(|w| &w.1)
@@ -294,6 +299,11 @@ impl<T> Delta<T> {
     pub fn touched(&self) -> impl Iterator<Item = usize> + '_ {
         let tail = self.restore_from..self.len.max(self.new_len);
         self.writes.iter().map(|w| w.0 as usize).chain(tail)
+    }
+
+    /// Indices of values from before and after that differ, or may, repeats possible: [`Delta::touched`] without those that only one state has.
+    pub fn overwritten_at(&self) -> impl Iterator<Item = usize> + '_ {
+        self.writes.iter().map(|w| w.0 as usize)
     }
 
     /// Values that applying the delta brings back.
