@@ -152,10 +152,15 @@ fn classify(
     scratch.begin(mesh);
     let PlaneCutScratch { slots, visited, waiting, crossed, cut, on_plane, .. } = scratch;
     let [mut above, mut below] = reach.beyond;
+    let (faces, slots) = (mesh.faces(), &mut slots[..]);
     for &f in reach.faces {
-        let corners = mesh.face(f).map(|v| {
-            let slot = &mut slots[v.index()];
-            if slot[0] != *cut {
+        let [a, b, c] = faces[f.index()];
+        if [a, b, c].iter().any(|v| slots[v.index()][0] != *cut) {
+            for v in [a, b, c] {
+                let slot = &mut slots[v.index()];
+                if slot[0] == *cut {
+                    continue;
+                }
                 *slot = [*cut, visited.len() as u32];
                 let position = position(v);
                 let value = plane.value(position);
@@ -166,10 +171,11 @@ fn classify(
                     on_plane.push(v);
                 }
             }
-            slot[1]
-        });
-        let [a, b, c] = corners.map(|at| visited[at as usize].value);
-        if a.max(b).max(c) > 0.0 && a.min(b).min(c) < 0.0 {
+        }
+        let corners = [slots[a.index()][1], slots[b.index()][1], slots[c.index()][1]];
+        let value = |k: usize| visited[corners[k] as usize].value;
+        let [a, b, c] = [value(0), value(1), value(2)];
+        if (a > 0.0 || b > 0.0 || c > 0.0) && (a < 0.0 || b < 0.0 || c < 0.0) {
             waiting[f.index()] = [*cut, crossed.len() as u32];
             let edge = |falls: bool| {
                 let ends = [[a, b], [b, c], [c, a]];

@@ -204,7 +204,10 @@ impl FaceSplitter<'_> {
         let (on_p, on_q) = if positive { (entry, exit) } else { (exit, entry) };
         // the quadrangle p, j, k, q along its better diagonal
         let [pp, pj, pk, pq] = [on_p.position, position(j), position(k), on_q.position];
-        let along_pk = shape(pp, pj, pk).min(shape(pp, pk, pq)) >= shape(pp, pj, pq).min(shape(pj, pk, pq));
+        let [p_j, j_k, k_q, q_p, p_k, j_q] =
+            [(pp, pj), (pj, pk), (pk, pq), (pq, pp), (pp, pk), (pj, pq)].map(|(a, b)| (b - a).length_squared());
+        let along_pk = shape([pp, pj, pk], [p_j, j_k, p_k]).min(shape([pp, pk, pq], [p_k, k_q, q_p]))
+            >= shape([pp, pj, pq], [p_j, j_q, q_p]).min(shape([pj, pk, pq], [j_k, k_q, j_q]));
         let p = self.corner(face, on_p, i as u8);
         let q = self.corner(face, on_q, k as u8);
         let (corners, wedges) = (self.mesh.face(f), self.mesh.face_wedges(f));
@@ -284,8 +287,9 @@ impl FaceSplitter<'_> {
     }
 }
 
-/// Shape of a triangle: its doubled area over its longest side squared, the whole squared.
-fn shape(a: DVec3, b: DVec3, c: DVec3) -> f64 {
-    let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+/// Shape of a triangle with sides of these squared lengths: its doubled area over its longest side squared, the whole squared.
+fn shape([a, b, c]: [DVec3; 3], squared: [f64; 3]) -> f64 {
+    let longer = |a: f64, b: f64| if a > b { a } else { b };
+    let longest = longer(longer(squared[0], squared[1]), squared[2]);
     if longest > 0.0 { (b - a).cross(c - a).length_squared() / (longest * longest) } else { 0.0 }
 }
