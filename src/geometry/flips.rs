@@ -25,10 +25,10 @@ impl Flips {
         self.opposite.extend_from_slice(opposite);
         self.stack.clear();
         // one half-edge an edge
-        let first = |h: u32| opposite[h as usize] != NONE && h < opposite[h as usize];
-        self.stack.extend((0..opposite.len() as u32).filter(|&h| first(h)));
+        let first = |(h, &back): (u32, &u32)| back != NONE && h < back;
         self.queued.clear();
-        self.queued.extend((0..opposite.len() as u32).map(first));
+        self.queued.extend((0..).zip(opposite).map(first));
+        self.stack.extend((0..).zip(opposite).filter(|h| first(*h)).map(|(h, _)| h));
         let mut left = MOST_FLIPS_AN_EDGE * opposite.len();
         while let Some(h) = self.stack.pop() {
             self.queued[h as usize] = false;
@@ -45,8 +45,11 @@ impl Flips {
 
     /// Corners `a`, `b` of half-edge `h`, then `c` across in its triangle and `d` in the other.
     fn quad(triangles: &[[u32; 3]], h: u32, back: u32) -> [u32; 4] {
-        let at = |h: u32, k: u32| triangles[h as usize / 3][((h % 3 + k) % 3) as usize];
-        [at(h, 0), at(h, 1), at(h, 2), at(back, 2)]
+        let after = |k: usize| if k == 2 { 0 } else { k + 1 };
+        let before = |k: usize| if k == 0 { 2 } else { k - 1 };
+        let (own, other) = (&triangles[h as usize / 3], &triangles[back as usize / 3]);
+        let (k, l) = (h as usize % 3, back as usize % 3);
+        [own[k], own[after(k)], own[before(k)], other[before(l)]]
     }
 
     fn gains(&self, points: &[[f64; 2]], triangles: &[[u32; 3]], pairs: &Pairs, h: u32, back: u32) -> bool {

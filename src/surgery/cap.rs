@@ -49,6 +49,8 @@ pub struct CapScratch {
 /// Loops of one side. Rim edge `i` stands for the vertex that its half-edge leaves.
 #[derive(Debug, Default)]
 struct Side {
+    /// Vertex that each rim edge leaves.
+    vertices: Vec<VertexId>,
     /// Rim edge after each; `NONE` where the chain ends.
     next: Vec<u32>,
     /// Whether a rim edge is in a closed loop.
@@ -101,8 +103,8 @@ pub fn cap(
         // seen from outside, so that each side's region is to the left of its loops
         let across = if s == 0 { -1.0 } else { 1.0 };
         scratch.points.clear();
-        scratch.points.extend(rim.iter().map(|edge| {
-            let p = position(mesh.from(edge[s]));
+        scratch.points.extend(scratch.sides[s].vertices.iter().map(|&vertex| {
+            let p = position(vertex);
             [across * p.dot(u), p.dot(v)]
         }));
         if s == 1 && taken.is_empty() && mirrored(&scratch.sides) {
@@ -113,7 +115,7 @@ pub fn cap(
             let back = |h: u32| if h == NO_OPPOSITE { h } else { h - h % 3 + (2 - h % 3) };
             second.opposite.extend(first.opposite.chunks_exact(3).flat_map(|t| [t[2], t[1], t[0]]).map(back));
         } else {
-            triangulate(mesh, rim, s, taken, scratch, &mut outcome.triangulation);
+            triangulate(s, taken, scratch, &mut outcome.triangulation);
         }
         stitch(mesh, rim, s, (dress.material, across), |v| normal(v, outward), scratch, &mut outcome.added_faces);
         if s == 0 {
@@ -134,44 +136,40 @@ fn trace(mesh: &Mesh, rim: &[[HalfEdge; 2]], s: usize, scratch: &mut CapScratch)
     let CapScratch { sides, at, .. } = scratch;
     let [first_side, second_side] = sides;
     at.clear();
-    let open = |j: u32| mesh.opposite(rim[j as usize][s]).is_none();
-    let begins = |j: u32, v: VertexId| mesh.from(rim[j as usize][s]) == v && open(j);
-    // where the rim goes on is mostly next to where it is, and on the second side where the first comes from
-    let next = |i: u32, guess: Option<u32>, at: &mut FxHashMap<HalfEdge, u32>| {
-        if !open(i) {
-            return NONE;
+    let (side, first_next) = if s == 0 { (first_side, &[][..]) } else { (second_side, &first_side.next[..]) };
+    let Side { next, closed, vertices, .. } = &mut *side;
+    vertices.clear();
+    vertices.extend(rim.iter().map(|edge| mesh.from(edge[s])));
+    closed.clear();
+    closed.extend(rim.iter().map(|edge| mesh.opposite(edge[s]).is_some()));
+    next.clear();
+    next.resize(rim.len(), NONE);
+    for (i, &j) in (0..).zip(first_next).filter(|(_, j)| **j != NONE) {
+        next[j as usize] = i;
+    }
+    // where the rim goes on is mostly next to where it is, or where the loop began, and on the second side where the first comes from
+    let mut begin = 0;
+    for i in 0..rim.len() {
+        let guesses = if s == 0 { [i as u32 + 1, begin] } else { [next[i], NONE] };
+        if closed[i] {
+            next[i] = NONE;
+            continue;
         }
-        let v = mesh.to(rim[i as usize][s]);
-        if let Some(j) = guess.filter(|&j| begins(j, v)) {
-            return j;
+        let v = mesh.to(rim[i][s]);
+        let begins = |j: &u32| vertices.get(*j as usize) == Some(&v) && !closed[*j as usize];
+        next[i] = if let Some(known) = guesses.into_iter().find(begins) {
+            known
+        } else {
+            if at.is_empty() {
+                at.extend(rim.iter().zip(0..).map(|(edge, i)| (edge[s], i)));
+            }
+            // the only open half-edge that leaves a vertex comes first in its fan
+            mesh.fan(v).next().and_then(|h| at.get(&h).copied()).unwrap_or(NONE)
+        };
+        if next[i] != i as u32 + 1 {
+            begin = i as u32 + 1;
         }
-        if at.is_empty() {
-            at.extend(rim.iter().zip(0..).map(|(edge, i)| (edge[s], i)));
-        }
-        // the only open half-edge that leaves a vertex comes first in its fan
-        mesh.fan(v).next().and_then(|h| at.get(&h).copied()).unwrap_or(NONE)
-    };
-    let side = if s == 0 {
-        first_side.next.clear();
-        for i in 0..rim.len() as u32 {
-            let guess = Some(i + 1).filter(|&j| (j as usize) < rim.len());
-            first_side.next.push(next(i, guess, at));
-        }
-        first_side
-    } else {
-        second_side.next.clear();
-        second_side.next.resize(rim.len(), NONE);
-        for (i, &j) in first_side.next.iter().enumerate().filter(|(_, j)| **j != NONE) {
-            second_side.next[j as usize] = i as u32;
-        }
-        for i in 0..rim.len() as u32 {
-            let guess = Some(second_side.next[i as usize]).filter(|&j| j != NONE);
-            second_side.next[i as usize] = next(i, guess, at);
-        }
-        second_side
-    };
-    side.closed.clear();
-    side.closed.extend(rim.iter().map(|edge| mesh.opposite(edge[s]).is_some()));
+    }
     side.corners.clear();
     side.starts.clear();
     side.starts.push(0);
@@ -219,20 +217,13 @@ fn mirrored([first, second]: &[Side; 2]) -> bool {
         })
 }
 
-fn triangulate(
-    mesh: &Mesh,
-    rim: &[[HalfEdge; 2]],
-    s: usize,
-    taken: &[[VertexId; 2]],
-    scratch: &mut CapScratch,
-    sum: &mut TriangulationOutcome,
-) {
+fn triangulate(s: usize, taken: &[[VertexId; 2]], scratch: &mut CapScratch, sum: &mut TriangulationOutcome) {
     let CapScratch { triangulator, sides, points, local_of, taken: local_taken, .. } = scratch;
     let side = &mut sides[s];
     local_taken.clear();
     if !taken.is_empty() {
         local_of.clear();
-        local_of.extend(side.corners.iter().map(|&i| (mesh.from(rim[i as usize][s]), i)));
+        local_of.extend(side.corners.iter().map(|&i| (side.vertices[i as usize], i)));
         let local = |v: VertexId| local_of.get(&v).copied();
         local_taken.extend(taken.iter().filter_map(|&[a, b]| Some([local(a)?, local(b)?])));
     }
@@ -258,7 +249,7 @@ fn stitch(
     wedges.clear();
     wedges.resize(rim.len(), WedgeId::NONE);
     for &i in &side.corners {
-        let vertex = mesh.from(rim[i as usize][s]);
+        let vertex = side.vertices[i as usize];
         let [x, y] = points[i as usize];
         let uv = DVec2::new(across * x, y).as_vec2().to_array();
         wedges[i as usize] = mesh.add_wedge(Wedge { vertex, group: WedgeId::NONE, uv, normal: normal(vertex), colour: u32::MAX });
@@ -267,15 +258,18 @@ fn stitch(
     let info = FaceInfo { material, origin: u32::MAX, section };
     let first = added.len();
     added.extend(side.triangles.iter().map(|_| mesh.put_slot(info)));
-    for (t, corners) in side.triangles.iter().enumerate() {
+    for ((t, corners), opposite) in side.triangles.iter().enumerate().zip(side.opposite.chunks_exact(3)) {
         let f = added[first + t];
-        let across = std::array::from_fn(|k| match side.opposite[3 * t + k] {
+        let across = |k: usize| match opposite[k] {
             // the loop runs against the rim: its edge lies across from the half-edge that leaves its end
-            NO_OPPOSITE => rim[corners[(k + 1) % 3] as usize][s],
+            NO_OPPOSITE => rim[corners[if k == 2 { 0 } else { k + 1 }] as usize][s],
             h => HalfEdge::of(added[first + h as usize / 3], h as usize % 3),
-        });
-        mesh.write_face(f, corners.map(|i| mesh.from(rim[i as usize][s])), corners.map(|i| wedges[i as usize]), across);
-        for k in (0..3).filter(|&k| side.opposite[3 * t + k] == NO_OPPOSITE) {
+        };
+        let across = [across(0), across(1), across(2)];
+        let [a, b, c] = corners.map(|i| i as usize);
+        let vertices = [side.vertices[a], side.vertices[b], side.vertices[c]];
+        mesh.write_face(f, vertices, [wedges[a], wedges[b], wedges[c]], across);
+        for k in (0..3).filter(|&k| opposite[k] == NO_OPPOSITE) {
             debug_assert_eq!(mesh.to(across[k]), mesh.face(f)[k]);
             mesh.face_across(across[k], HalfEdge::of(f, k));
         }
