@@ -70,9 +70,16 @@ impl JointRows {
         self.rest[row].unwrap_or_else(|| unite(self.row(row).iter().map(|b| (b.min, b.max))))
     }
 
+    /// None, with room for so many rows of a joint each.
+    fn with_room(rows: usize) -> Self {
+        let mut start = Vec::with_capacity(rows + 1);
+        start.push(0);
+        Self { start, joints: Vec::with_capacity(rows), rest: Vec::with_capacity(rows) }
+    }
+
     /// Rows for runs of [`GROUP`] rows each.
     fn grouped(&self) -> Self {
-        let mut groups = Self::default();
+        let mut groups = Self::with_room(self.len().div_ceil(GROUP));
         for first in (0..self.len()).step_by(GROUP) {
             let group = first..(first + GROUP).min(self.len());
             group.clone().flat_map(|s| self.row(s)).for_each(|by| groups.add(by));
@@ -194,8 +201,26 @@ impl SectionBounds {
             return;
         }
         let Self { sections, groups, .. } = self;
+        let (mut low, mut high) = sections.rest_of(s);
+        // what one joint moves is gathered before the section is widened by it: mostly that is all
+        let mut gathered: Option<JointBounds> = None;
         for v in vertices {
-            sections.widen_by(s, rows.rest(v), |each| each_base(rows, v, each));
+            let rest = rows.rest(v);
+            (low, high) = (low.min(rest), high.max(rest));
+            sections.rest[s] = Some((low, high));
+            each_base(rows, v, |by| {
+                if let Some(known) = &mut gathered
+                    && join(std::slice::from_mut(known), by)
+                {
+                    return;
+                }
+                if let Some(last) = gathered.replace(*by) {
+                    sections.widen(s, &last);
+                }
+            });
+        }
+        if let Some(last) = gathered {
+            sections.widen(s, &last);
         }
         // the group holds all its sections
         let (low, high) = sections.rest_of(s);
@@ -207,7 +232,7 @@ impl SectionBounds {
 
     /// The bounds of some sections, for a piece that they come along with. They hold what is left of each, and may hold more.
     pub fn extract(&self, from: &[SectionId]) -> Self {
-        let mut sections = JointRows::default();
+        let mut sections = JointRows::with_room(from.len());
         for s in from.iter().map(|s| s.index()).filter(|&s| s < self.len()) {
             sections.joints.extend_from_slice(self.sections.row(s));
             sections.end_row(self.sections.rest[s]);
@@ -248,10 +273,11 @@ fn each_base(rows: &VertexRows, v: VertexId, mut each: impl FnMut(&JointBounds))
     let mut base = |v: VertexId| {
         let rest = rows.rest(v);
         let bones = rows.bones.row(v.index());
-        let statics = bones.is_empty().then_some(STATIC);
-        for joint in bones.iter().filter(|b| b.weight != 0.0).map(|b| b.joint).chain(statics) {
-            each(&JointBounds { joint, min: rest, max: rest });
+        let mut moved = |joint: u32| each(&JointBounds { joint, min: rest, max: rest });
+        if bones.is_empty() {
+            moved(STATIC);
         }
+        bones.iter().filter(|b| b.weight != 0.0).for_each(|b| moved(b.joint));
     };
     let row = rows.rows.row(v.index());
     if row.is_empty() {
