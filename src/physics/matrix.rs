@@ -45,6 +45,12 @@ pub fn add_scaled(x: &Lanes, a: f64, y: &Lanes) -> Lanes {
     std::array::from_fn(|k| x[k] + a * y[k])
 }
 
+/// True if it is 0. Without a branch a component: mostly it is.
+#[inline(always)]
+pub fn is_zero(x: &Lanes) -> bool {
+    x.iter().fold(true, |all, x| all & (*x == 0.0))
+}
+
 /// `x + a y`, rounded once. For the inner loops only: they are compiled with the instruction where there is one (everywhere
 /// since 2013), and with or without it the bits are the same.
 #[inline(always)]
@@ -205,11 +211,15 @@ impl Matrix {
             let columns = old.columns.map(|c| new_row[c as usize]);
             if filled == 0 && !columns.contains(&u32::MAX) {
                 self.blocks.push(Block { columns, springs: old.springs });
-                self.entries += old.springs.iter().filter(|s| **s != 0.0).count();
+                self.entries += old.springs.iter().map(|s| usize::from(*s != 0.0)).sum::<usize>();
                 sum += old.springs.iter().sum::<f64>();
                 continue;
             }
-            for (column, spring) in columns.into_iter().zip(old.springs).filter(|(c, s)| *c != u32::MAX && *s != 0.0) {
+            for k in 0..BLOCK {
+                let (column, spring) = (columns[k], old.springs[k]);
+                if column == u32::MAX || spring == 0.0 {
+                    continue;
+                }
                 (block.columns[filled], block.springs[filled]) = (column, spring);
                 filled += 1;
                 sum += spring;

@@ -155,17 +155,31 @@ impl Network {
         }
         let known = self.order.iter().map(|old| new_of[*old as usize]).filter(|new| *new != u32::MAX);
         let fresh = (0..n as u32).filter(|new| kept[*new as usize].is_none());
-        let (mut order, lone): (Vec<u32>, Vec<u32>) = known.chain(fresh).partition(|new| is_linked(*new));
-        let linked = order.len();
-        order.extend(lone);
+        // those with springs from the front, lone ones from the back
+        let (mut order, mut linked, mut lone) = (vec![0; n], 0, n);
+        for new in known.chain(fresh) {
+            if is_linked(new) {
+                order[linked] = new;
+                linked += 1;
+            } else {
+                lone -= 1;
+                order[lone] = new;
+            }
+        }
+        order[linked..].reverse();
         let mut row_of = vec![0; n];
         for (row, new) in order.iter().enumerate() {
             row_of[*new as usize] = row as u32;
         }
         let old_row = |new: &u32| self.row_of.get(kept[*new as usize].index()).copied().unwrap_or(u32::MAX);
         let old_rows: Vec<u32> = order.iter().map(old_row).collect();
-        let carried =
-            |values: &[Lanes]| old_rows.iter().map(|row| values.get(*row as usize).copied().unwrap_or_default()).collect();
+        let has_fresh = kept.iter().any(|old| old.is_none());
+        let carried = |values: &[Lanes]| -> Vec<Lanes> {
+            if has_fresh {
+                return old_rows.iter().map(|row| values.get(*row as usize).copied().unwrap_or_default()).collect();
+            }
+            old_rows.iter().map(|row| values[*row as usize]).collect()
+        };
         let mass = |row: &u32| self.masses.get(*row as usize).copied().unwrap_or(1.0);
         let renamed = |row: u32| row_of.get(new_of[self.order[row as usize] as usize] as usize).copied();
         let mut rows = Self {

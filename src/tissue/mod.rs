@@ -473,7 +473,7 @@ impl Tissue {
 
     /// True if neither particles nor fades displace anything now: final positions are skinned ones, bit for bit.
     fn is_still(&self) -> bool {
-        let at_rest = |l: &SoftLayer| l.network.turns().is_empty() && l.displacements().iter().all(|u| *u == DVec3::ZERO);
+        let at_rest = |l: &SoftLayer| l.network.turns().is_empty() && l.network.is_undisplaced();
         self.layer.as_ref().is_none_or(at_rest) && !self.fades.running(self.time_s)
     }
 
