@@ -225,8 +225,8 @@ impl Scene {
             report.new_vertices += outcome.new_vertices.len();
             report.intersection_points += outcome.intersection_points;
             report.max_plane_distance = report.measuring.time("plane", || {
-                let off = outcome.new_vertices.iter().map(|n| local.distance(tissue.position(n.vertex)).abs());
-                Some(off.fold(report.max_plane_distance.unwrap_or(0.0), f64::max))
+                let off = tissue.farthest_off(&local, outcome.new_vertices.iter().map(|n| n.vertex));
+                Some(off.max(report.max_plane_distance.unwrap_or(0.0)))
             });
             let rim = self.cut_scratch.split.rim();
             let mut parts = report.stages.time("components", || tissue.parts_after_cut(&local, rim));

@@ -273,6 +273,12 @@ impl Tissue {
         Sums { measures, vertices: part.vertices, lowest_origin: part.lowest_origin }
     }
 
+    /// How far the farthest of `vertices` is off `plane` (tissue space), metres.
+    pub fn farthest_off(&self, plane: &Plane, vertices: impl Iterator<Item = VertexId>) -> f64 {
+        let posed = self.posed();
+        vertices.map(|v| plane.distance(posed.position(v)).abs()).fold(0.0, f64::max)
+    }
+
     /// The side of `plane` (tissue space) that a part lies on, +1 or -1: by a vertex well off it, or the farthest there is.
     pub fn side_of_part(&self, part: &Part, plane: &Plane) -> i8 {
         let (mut farthest, mut value) = (0.0f64, 0.0);
