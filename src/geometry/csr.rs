@@ -132,40 +132,48 @@ impl<T: Copy + Pod> SlotCsr<T> {
 
     /// Copies of some rows in order (`None`: an empty one), each entry as `copied` makes it. Rows that follow one another in
     /// the arena are copied as one.
-    pub fn gather(&self, rows: impl Iterator<Item = Option<usize>> + Clone, copied: impl Fn(&T) -> T) -> Self {
-        let mut end = 0;
-        let span = |row: Option<usize>| {
-            let start = end;
-            let len = row.map_or(0, |r| self.spans[r].len);
-            end += len;
-            Span { start, len }
-        };
-        let spans: Vec<Span> = rows.clone().map(span).collect();
-        let mut entries = Vec::with_capacity(end as usize);
-        if end > 0 {
-            let mut run = 0..0;
-            for row in rows.flatten() {
-                let Span { start, len } = self.spans[row];
-                let (start, len) = (start as usize, len as usize);
+    pub fn gather(&self, rows: impl Iterator<Item = Option<usize>>, copied: impl Fn(&T) -> T) -> Self {
+        let old = &self.spans[..];
+        let mut spans: Vec<Span> = rows.map(|row| row.map_or(Span::default(), |row| old[row])).collect();
+        let total = spans.iter().map(|span| span.len as usize).sum();
+        let mut entries = Vec::with_capacity(total);
+        if total > 0 {
+            let (mut run, mut end) = (0..0, 0);
+            for span in &mut spans {
+                let (start, len) = (span.start as usize, span.len as usize);
                 if start == run.end {
                     run.end += len;
                 } else if len > 0 {
                     entries.extend(self.entries[run].iter().map(&copied));
                     run = start..start + len;
                 }
+                span.start = end;
+                end += span.len;
             }
             entries.extend(self.entries[run].iter().map(&copied));
+        } else {
+            spans.fill(Span::default());
         }
         Self { spans: spans.into(), entries: entries.into(), rewritten: Vec::new() }
     }
 
-    /// Copies of some rows in order, of the entries that `copied` makes one of.
-    pub fn gather_some(&self, rows: impl Iterator<Item = usize> + Clone, copied: impl Fn(&T) -> Option<T>) -> Self {
+    /// Copies of some rows in order: each entry as `copied` makes it, if that says so.
+    pub fn gather_some(&self, rows: impl Iterator<Item = usize> + Clone, copied: impl Fn(&T) -> (T, bool)) -> Self {
         let mut spans = Vec::with_capacity(rows.size_hint().0);
         let mut entries = Vec::with_capacity(rows.clone().map(|row| self.spans[row].len as usize).sum());
+        // a few at a time: whether an entry stays nobody foresees, so that each is written, and the next over one that does not
+        let mut made = [T::zeroed(); 16];
         for row in rows {
             let start = entries.len();
-            entries.extend(self.row(row).iter().filter_map(&copied));
+            for few in self.row(row).chunks(made.len()) {
+                let mut count = 0;
+                for entry in few {
+                    let (copy, stays) = copied(entry);
+                    made[count] = copy;
+                    count += usize::from(stays);
+                }
+                entries.extend_from_slice(&made[..count]);
+            }
             spans.push(Span { start: start as u32, len: (entries.len() - start) as u32 });
         }
         Self { spans: spans.into(), entries: entries.into(), rewritten: Vec::new() }
@@ -318,7 +326,7 @@ mod tests {
         let rows: Vec<&[u32]> = (0..6).map(|r| picked.row(r)).collect();
         assert_eq!(rows, [&[11][..], &[], &[12, 13], &[14], &[17, 18], &[15, 16]]);
         assert_eq!(picked.arena(), [11, 12, 13, 14, 17, 18, 15, 16]);
-        let even = csr.gather_some([4, 1, 0].into_iter(), |x| (x % 2 == 0).then_some(x / 2));
+        let even = csr.gather_some([4, 1, 0].into_iter(), |x| (x / 2, x % 2 == 0));
         assert_eq!((even.rows(), even.row(0), even.row(1), even.row(2)), (3, &[3][..], &[4][..], &[][..]));
         csr.take_delta();
         csr.clear_rows([1, 2].into_iter());

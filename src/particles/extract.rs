@@ -54,12 +54,14 @@ impl ParticleMap {
         old_rest: &[DVec3],
     ) -> MapPart {
         let lives = |new: VertexId| new.is_some() && mesh.vertex_is_live(new);
-        let held = from.iter().enumerate().map(|(new, old)| {
-            (mesh.vertex_is_live(VertexId::new(new)) && old.index() < self.influences.rows()).then(|| old.index())
-        });
+        let live = mesh.all_vertex_half_edges();
+        let rows = self.influences.rows();
+        let held = from.iter().zip(live);
+        let held = held.map(|(old, half)| if half.is_some() && old.index() < rows { *old } else { VertexId::NONE });
+        let held: Vec<VertexId> = held.collect();
         let new_anchor = |a: &VertexId| to.get(a.index()).copied().filter(|&new| a.is_some() && lives(new)).unwrap_or_default();
         let mut anchors: Vec<VertexId> = self.anchors.iter().map(new_anchor).collect();
-        let strays = self.strays(old_rest, |j| anchors[j].is_none(), held.clone().flatten().map(VertexId::new));
+        let strays = self.strays(old_rest, |j| anchors[j].is_none(), held.iter().copied().filter(|v| v.is_some()));
         for &(j, nearest) in &strays {
             anchors[j.index()] = to[nearest.index()];
         }
@@ -71,11 +73,11 @@ impl ParticleMap {
         let renamed = |e: &Influence| Influence { particle: new_particle[e.particle.index()], ..*e };
         let link = |l: &Link| {
             let particle = new_particle[l.particle.index()];
-            particle.is_some().then_some(Link { particle, ..*l })
+            (Link { particle, ..*l }, particle.is_some())
         };
         let mut map = Self {
             rest_displacement: particles.iter().map(|j| self.rest_displacement[j.index()]).collect::<Vec<_>>().into(),
-            influences: self.influences.gather(held, renamed),
+            influences: self.influences.gather(held.iter().map(|v| v.is_some().then(|| v.index())), renamed),
             neighbours: self.neighbours.gather_some(particles.iter().map(|j| j.index()), link),
             anchors: particles.iter().map(|j| anchors[j.index()]).collect::<Vec<_>>().into(),
             mean_link: self.mean_link,
@@ -85,7 +87,9 @@ impl ParticleMap {
         let keeps_springs = strips.is_empty() || moved.is_empty();
         let mut part = MapPart { from: particles, keeps_springs, ..MapPart::default() };
         map.part_strays(mesh.live_vertices(), rest, strips, &moved, &mut Vec::new(), &mut part.rows_before);
-        let orphans: Vec<VertexId> = mesh.live_vertices().filter(|v| map.influences.row(v.index()).is_empty()).collect();
+        let without =
+            (0..).zip(map.influences.spans().iter().zip(live)).filter(|(_, (row, half))| row.len == 0 && half.is_some());
+        let orphans: Vec<VertexId> = without.map(|(v, _)| VertexId(v)).collect();
         let never_held = |v: &VertexId| part.rows_before.binary_search_by_key(v, |row| row.0).is_err();
         let never_held: Vec<RowBefore> = orphans.iter().copied().filter(never_held).map(|v| (v, Vec::new())).collect();
         part.rows_before.extend(never_held);
@@ -199,7 +203,8 @@ impl ParticleMap {
 
     /// Drops the springs of the particles that are `gone`.
     fn drop_links_of(&mut self, gone: &[bool], changed: &mut Vec<ParticleId>) {
-        let (mut is_left, mut left) = (vec![false; self.len()], Vec::new());
+        let (mut is_left, mut left) = (vec![false; self.len()], Vec::with_capacity(self.len()));
+        changed.reserve(self.len());
         for j in (0..self.len()).filter(|&j| gone[j]).map(ParticleId::new) {
             let row = self.neighbours.row(j.index());
             if row.is_empty() {

@@ -139,8 +139,11 @@ impl Holders {
         let (vertices, bounds) = (self.vertices.get(j.index()), self.bounds.get(j.index()));
         let outer = vertices.chunks(BLOCKS * BLOCK).zip(bounds.chunks(BLOCKS)).zip(self.outer.get(j.index()));
         for ((vertices, bounds), _) in outer.filter(|(_, bounds)| meets(bounds)) {
-            let blocks = vertices.chunks(BLOCK).zip(bounds).filter(|(_, bounds)| meets(bounds));
-            blocks.flat_map(|(block, _)| block).for_each(|&v| found(v));
+            for (block, _) in vertices.chunks(BLOCK).zip(bounds).filter(|(_, bounds)| meets(bounds)) {
+                for &v in block {
+                    found(v);
+                }
+            }
         }
     }
 }

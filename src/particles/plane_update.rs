@@ -136,7 +136,7 @@ impl PlaneUpdateScratch {
         settings: &ParticleSettings,
         on_positive_side: &impl Fn(&ParticleMap, VertexId) -> bool,
         j: ParticleId,
-    ) -> Known {
+    ) -> &Known {
         let slot = &mut self.slots[j.index()];
         if slot[0] != self.cut {
             *slot = [self.cut, self.known.len() as u32];
@@ -148,7 +148,7 @@ impl PlaneUpdateScratch {
                 positive: on_positive_side(map, anchor),
             });
         }
-        self.known[slot[1] as usize]
+        &self.known[slot[1] as usize]
     }
 
     /// The row of one side from what was weighed. False if its particles are out of reach.
