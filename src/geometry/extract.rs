@@ -138,8 +138,9 @@ impl Mesh {
     fn take_sections(&self, faces: &[FaceId], map: &mut Extraction) -> (Vec<FaceInfo>, Vec<FaceId>, Vec<[FaceId; 2]>) {
         let (infos, section_to) = (&self.face_info[..], &mut map.section_to[..]);
         map.section_from.clear();
-        let mut links = vec![[FaceId::NONE; 2]; faces.len()];
-        let (mut heads, mut tails): (Vec<FaceId>, Vec<FaceId>) = (Vec::new(), Vec::new());
+        let mut links: Vec<[FaceId; 2]> = Vec::with_capacity(faces.len());
+        let room = faces.len().min(section_to.len());
+        let (mut heads, mut tails): (Vec<FaceId>, Vec<FaceId>) = (Vec::with_capacity(room), Vec::with_capacity(room));
         let taken = faces.iter().enumerate().map(|(new, f)| {
             let info = infos[f.index()];
             let new = FaceId(new as u32);
@@ -150,10 +151,11 @@ impl Mesh {
                 map.section_from.push(info.section);
                 heads.push(new);
                 tails.push(new);
+                links.push([FaceId::NONE; 2]);
                 return FaceInfo { section, ..info };
             }
             let before = std::mem::replace(&mut tails[section.index()], new);
-            links[new.index()][0] = before;
+            links.push([before, FaceId::NONE]);
             links[before.index()][1] = new;
             FaceInfo { section, ..info }
         });
@@ -183,31 +185,37 @@ impl Mesh {
     /// Takes faces that have just died out of their sections: what is left of a list closes over each run of them. Nothing is
     /// left of those that are `whole`.
     fn unlink_dead(&mut self, faces: &[FaceId], whole: &[bool]) {
+        let Self { faces: corners, face_info: infos, section_head, section_links, .. } = self;
+        let (corners, infos) = (&corners[..], &infos[..]);
+        let is_live = |f: FaceId| corners[f.index()][0].is_some();
+        for (section, _) in whole.iter().enumerate().filter(|(_, whole)| **whole) {
+            let head = section_head[section];
+            if head.is_some() && !is_live(head) {
+                section_head.set(section, FaceId::NONE);
+            }
+        }
         for &f in faces {
-            let section = self.face_info[f.index()].section.index();
+            let section = infos[f.index()].section.index();
             if whole.get(section) == Some(&true) {
-                if self.section_head[section].is_some() {
-                    self.section_head.set(section, FaceId::NONE);
-                }
                 continue;
             }
-            let [prev, next] = self.section_links[f.index()];
-            if prev.is_some() && !self.is_live(prev) {
+            let [prev, next] = section_links[f.index()];
+            if prev.is_some() && !is_live(prev) {
                 continue; // not the first of its run
             }
             let mut after = next;
-            while after.is_some() && !self.is_live(after) {
-                after = self.section_links[after.index()][1];
+            while after.is_some() && !is_live(after) {
+                after = section_links[after.index()][1];
             }
             if prev.is_some() {
-                let [before, _] = self.section_links[prev.index()];
-                self.section_links.set(prev.index(), [before, after]);
+                let [before, _] = section_links[prev.index()];
+                section_links.set(prev.index(), [before, after]);
             } else {
-                self.section_head.set(section, after);
+                section_head.set(section, after);
             }
             if after.is_some() {
-                let [_, behind] = self.section_links[after.index()];
-                self.section_links.set(after.index(), [prev, behind]);
+                let [_, behind] = section_links[after.index()];
+                section_links.set(after.index(), [prev, behind]);
             }
         }
     }

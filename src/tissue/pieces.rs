@@ -59,7 +59,8 @@ impl Tissue {
             let piece = self.extract(faces, &mut map, &strips);
             let first = gone.len();
             gone.reserve(map.vertex_from.len());
-            gone.extend(piece.mesh.live_vertices().map(|v| map.vertex_from[v.index()]));
+            let live = map.vertex_from.iter().zip(piece.mesh.all_vertex_half_edges()).filter(|(_, half)| half.is_some());
+            gone.extend(live.map(|(v, _)| *v));
             let whole: Vec<bool> = (0..self.mesh.sections()).map(|s| self.tally.is_whole(SectionId::new(s))).collect();
             self.mesh.remove_components(faces, gone[first..].iter().copied(), &whole);
             pieces.push(piece);
