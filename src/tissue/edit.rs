@@ -167,7 +167,12 @@ impl Tissue {
         for vertex in new {
             let id = if vertex.parent_count == 0 { self.push_corner(vertex, new) } else { self.push_inserted(vertex) };
             debug_assert_eq!(id, vertex.vertex);
-            self.rest.push(self.rows.rest(id));
+            let rest = match *vertex.parents() {
+                // of the same row
+                [(original, 1.0)] if !self.rows.is_base(original) && !self.rows.is_base(id) => self.rest[original.index()],
+                _ => self.rows.rest(id),
+            };
+            self.rest.push(rest);
         }
         self.widen_around_promoted(new);
         self.fades.follow(self.rows.len());
