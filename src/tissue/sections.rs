@@ -181,7 +181,7 @@ impl SectionBounds {
         let mut sections = JointRows::default();
         for s in 0..mesh.sections() {
             for v in mesh.section_faces(SectionId::new(s)).flat_map(|f| mesh.face(f)) {
-                each_base(rows, v, |by| sections.add(by));
+                each_base(rows, |v| rows.rest(v), v, |by| sections.add(by));
             }
             sections.end_row(None);
         }
@@ -194,8 +194,8 @@ impl SectionBounds {
         self.groups.make_room();
     }
 
-    /// Widens a section by the base vertices that `vertices` lean on.
-    pub fn widen_by(&mut self, section: SectionId, rows: &VertexRows, vertices: impl Iterator<Item = VertexId>) {
+    /// Widens a section by the base vertices that `vertices` lean on. `rest` has the rest position of each.
+    pub fn widen_by(&mut self, section: SectionId, rows: &VertexRows, rest: &[DVec3], vertices: impl Iterator<Item = VertexId>) {
         let s = section.index();
         if s >= self.len() {
             return;
@@ -205,19 +205,24 @@ impl SectionBounds {
         // what one joint moves is gathered before the section is widened by it: mostly that is all
         let mut gathered: Option<JointBounds> = None;
         for v in vertices {
-            let rest = rows.rest(v);
-            (low, high) = (low.min(rest), high.max(rest));
+            let at = rest[v.index()];
+            (low, high) = (low.min(at), high.max(at));
             sections.rest[s] = Some((low, high));
-            each_base(rows, v, |by| {
-                if let Some(known) = &mut gathered
-                    && join(std::slice::from_mut(known), by)
-                {
-                    return;
-                }
-                if let Some(last) = gathered.replace(*by) {
-                    sections.widen(s, &last);
-                }
-            });
+            each_base(
+                rows,
+                |v| rest[v.index()],
+                v,
+                |by| {
+                    if let Some(known) = &mut gathered
+                        && join(std::slice::from_mut(known), by)
+                    {
+                        return;
+                    }
+                    if let Some(last) = gathered.replace(*by) {
+                        sections.widen(s, &last);
+                    }
+                },
+            );
         }
         if let Some(last) = gathered {
             sections.widen(s, &last);
@@ -269,9 +274,9 @@ impl SectionBounds {
 }
 
 /// Rest positions that a vertex leans on, with the joints that move them.
-fn each_base(rows: &VertexRows, v: VertexId, mut each: impl FnMut(&JointBounds)) {
+fn each_base(rows: &VertexRows, rest: impl Fn(VertexId) -> DVec3, v: VertexId, mut each: impl FnMut(&JointBounds)) {
     let mut base = |v: VertexId| {
-        let rest = rows.rest(v);
+        let rest = rest(v);
         let bones = rows.bones.row(v.index());
         let mut moved = |joint: u32| each(&JointBounds { joint, min: rest, max: rest });
         if bones.is_empty() {

@@ -142,17 +142,17 @@ impl Tissue {
 
     /// Widens the sections of the pairs in the scratch.
     fn widen_by_corners(&mut self) {
-        let Self { rows, sections, scratch, .. } = self;
+        let Self { rows, rest, sections, scratch, .. } = self;
         let corners = &mut scratch.corners;
         corners.sort_unstable();
         corners.dedup();
         for run in corners.chunk_by(|a, b| a.0 == b.0) {
-            sections.widen_by(run[0].0, rows, run.iter().map(|c| c.1));
+            sections.widen_by(run[0].0, rows, rest, run.iter().map(|c| c.1));
         }
     }
 
     /// Widens one section by many vertices at once.
     pub(super) fn widen_section(&mut self, section: SectionId, vertices: impl Iterator<Item = VertexId>) {
-        self.sections.widen_by(section, &self.rows, vertices);
+        self.sections.widen_by(section, &self.rows, &self.rest, vertices);
     }
 }
