@@ -10,8 +10,10 @@ use crate::geometry::room::fit;
 use crate::geometry::{Mesh, ParticleId, VertexId};
 use glam::DVec3;
 
-/// Most rounds.
+/// Most rounds, and fewest where so much skin is moved that all rounds would place more vertices than that.
 const ROUNDS: usize = 24;
+const FEW_ROUNDS: usize = 6;
+const MOST_PLACED: usize = 96_000;
 /// Steps over those of Cimmino's method, which converges below 2, and the share of the last step that is gone again.
 const PACE: f64 = 1.6;
 const MOMENTUM: f64 = 0.5;
@@ -112,7 +114,7 @@ impl Unfold {
     pub(super) fn run(&mut self, (mesh, rest): (&Mesh, &[DVec3]), map: &ParticleMap, free_of: &[u32], gap: f64) {
         self.collect((mesh, rest), map, free_of);
         let mut until_listed = 0;
-        for _ in 0..ROUNDS {
+        for _ in 0..(MOST_PLACED / self.held.len().max(1)).clamp(FEW_ROUNDS, ROUNDS) {
             self.place();
             let is_listed = until_listed == 0;
             if is_listed {
