@@ -5,6 +5,7 @@ mod common;
 
 use common::models::model_of_obj;
 use glam::DVec3;
+use incise::formats::Model;
 use incise::scene::{EditCommand, Scene, SceneSettings};
 use incise::surgery::{BladePose, SamplingSettings, WallMode};
 use incise::tissue::{Tissue, TissueSettings};
@@ -38,20 +39,30 @@ fn places() -> Vec<(f64, f64)> {
     (0..RODS).map(place).collect()
 }
 
+/// A scene without particles.
+fn scene_of(model: Model, sampling: SamplingSettings) -> Scene {
+    let settings = TissueSettings { particles: None, ..common::models::settings(&model) };
+    let tools = SceneSettings { sampling, sample_distance: None, sample_time: None };
+    Scene::new(Tissue::new(model, &settings).unwrap(), tools)
+}
+
+/// How many parts are apart from each other.
+fn parts(scene: &Scene) -> usize {
+    scene.tissues().map(|(_, tissue)| tissue.component_faces().len()).sum()
+}
+
 /// Every rod is in two after one stroke across all of them, whatever lies between two samples, open, closed and without width.
 #[test]
 fn no_rod_is_too_thin_to_be_cut() {
     let places = places();
     let model = model_of_obj(&rods(&places));
-    let settings = TissueSettings { particles: None, ..common::models::settings(&model) };
     let far = places[RODS - 1].0;
     let diagonal = DVec3::new(far - places[0].0, 1.0, 0.04).length();
     // every 36 mm: samples lie in the air between rods, and seldom in one
     let sampling = SamplingSettings { distance: 0.036 / diagonal, ..SamplingSettings::default() };
     for (wall, width) in [(WallMode::Open, 0.002), (WallMode::Closed, 0.002), (WallMode::Open, 0.0)] {
         for (begins, lean) in [(-0.1, 0.0), (-0.107, 0.013), (-0.123, -0.02)] {
-            let tools = SceneSettings { sampling, sample_distance: None, sample_time: None };
-            let mut scene = Scene::new(Tissue::new(model.clone(), &settings).unwrap(), tools);
+            let mut scene = scene_of(model.clone(), sampling);
             scene.set_wall(wall);
             scene.edit(EditCommand::StrokeBegin { width });
             let from = places[0].0 + begins;
@@ -64,8 +75,7 @@ fn no_rod_is_too_thin_to_be_cut() {
             }
             scene.edit(EditCommand::StrokeEnd);
             assert_eq!(scene.validate(), Ok(()));
-            let pieces: usize = scene.tissues().map(|(_, tissue)| tissue.component_faces().len()).sum();
-            assert_eq!(pieces, 2 * RODS, "{wall:?}, {width}, {lean}: of {RODS} rods are so many pieces");
+            assert_eq!(parts(&scene), 2 * RODS, "{wall:?}, {width}, {lean}: of {RODS} rods are so many pieces");
         }
     }
 }
@@ -74,9 +84,7 @@ fn no_rod_is_too_thin_to_be_cut() {
 #[test]
 fn a_blade_over_a_part_leaves_it_whole() {
     let model = model_of_obj(&rods(&[(0.0, 0.3), (1.0, 0.3)]));
-    let settings = TissueSettings { particles: None, ..common::models::settings(&model) };
-    let tools = SceneSettings { sampling: SamplingSettings::default(), sample_distance: None, sample_time: None };
-    let mut scene = Scene::new(Tissue::new(model, &settings).unwrap(), tools);
+    let mut scene = scene_of(model, SamplingSettings::default());
     scene.edit(EditCommand::StrokeBegin { width: 0.002 });
     for i in 0..60 {
         let x = -0.2 + 0.03 * f64::from(i);
@@ -85,5 +93,5 @@ fn a_blade_over_a_part_leaves_it_whole() {
     }
     let reports = scene.edit(EditCommand::StrokeEnd);
     assert!(reports.iter().all(|r| r.segments.is_empty()));
-    assert_eq!(scene.tissues().map(|(_, tissue)| tissue.component_faces().len()).sum::<usize>(), 2);
+    assert_eq!(parts(&scene), 2);
 }

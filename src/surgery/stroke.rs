@@ -158,9 +158,7 @@ fn rise_between(a: &ClippedSample, b: &ClippedSample, surface: &(impl Surface + 
         if let Some(entry) = surface.entry(blade.tip, blade.base) {
             let point: DVec3 = blade.base + (blade.tip - blade.base) * entry.s;
             let above = (point - (top_a + (top_b - top_a) * u)).dot(blade.up());
-            if above > -0.5 * sampling.entry_margin {
-                rise = rise.max(above + sampling.entry_margin);
-            }
+            rise = rise.max(risen(above, sampling));
         }
     }
     rise
@@ -171,6 +169,11 @@ fn rise_between(a: &ClippedSample, b: &ClippedSample, surface: &(impl Surface + 
 fn rise_beside(inside: &ClippedSample, top: DVec3, met: Option<Met>, sampling: &Sampling) -> f64 {
     let BladePose { tip, base, .. } = inside.pose;
     let above = met.map_or(f64::NEG_INFINITY, |met| (base - tip).length() * (1.0 - met.s) - (top - tip).length());
+    risen(above, sampling)
+}
+
+/// How far a top is raised for a surface so far above it, metres: not at all for one that stays well within the margin.
+fn risen(above: f64, sampling: &Sampling) -> f64 {
     if above > -0.5 * sampling.entry_margin { above + sampling.entry_margin } else { 0.0 }
 }
 

@@ -1,6 +1,7 @@
 //! Cavities that a cut did not reach stay with the piece around them.
 
 use super::Tissue;
+use super::surface::{bounds, boxes_meet};
 use crate::geometry::{FaceId, HalfEdge, Part, Plane, VertexId};
 use glam::DVec3;
 
@@ -102,15 +103,15 @@ impl Tissue {
         let (up, down) = self.widening();
         let near = part.sections.iter().filter(|s| {
             let (section_low, section_high) = self.sections.of(s.index());
-            !((section_low - down).cmpgt(high).any() || (section_high + up).cmplt(low).any())
+            boxes_meet((section_low - down, section_high + up), (low, high))
         });
         let (mut count, mut sound) = (0, true);
         let faces = near.flat_map(|&s| self.mesh.section_faces(s)).chain(part.loose.iter().copied());
         for corners in faces.map(|f| self.mesh.face(f).map(|v: VertexId| self.position(v))) {
-            let [a, b, c] = corners;
-            if a.min(b).min(c).cmpgt(high).any() || a.max(b).max(c).cmplt(low).any() {
+            if !boxes_meet(bounds(corners), (low, high)) {
                 continue;
             }
+            let [a, b, c] = corners;
             let side = |x: DVec3| robust::orient3d(at(a), at(b), at(c), at(x));
             let (from, to) = (side(p), side(q));
             let turns = [(a, b), (b, c), (c, a)].map(|(x, y)| robust::orient3d(at(p), at(q), at(x), at(y)));

@@ -2,7 +2,7 @@
 
 use super::Tissue;
 use super::positions::PositionCache;
-use super::surface::{edges, segment_crosses, segment_meets_box, segment_triangle};
+use super::surface::{bounds, boxes_meet, edges, segment_crosses, segment_meets_box, segment_triangle};
 use crate::geometry::FaceId;
 use crate::surgery::{BladePose, EntryPoint, Met, Surface, TearBox};
 use glam::DVec3;
@@ -28,12 +28,10 @@ impl Surface for Seen<'_> {
     fn met_between(&self, from: &BladePose, to: &BladePose) -> Option<Met> {
         let ends = [from.tip, from.base, to.tip, to.base];
         let [low, high] = ends.iter().fold([ends[0]; 2], |[low, high], p| [low.min(*p), high.max(*p)]);
-        let meets = move |l: DVec3, h: DVec3| !(l.cmpgt(high).any() || h.cmplt(low).any());
         let (mut widest, mut s) = (None, f64::INFINITY);
-        for f in self.tissue.faces_where(meets) {
+        for f in self.tissue.faces_where(move |l, h| boxes_meet((l, h), (low, high))) {
             let face = self.tissue.mesh.face(f).map(|v| self.positions.of(self.tissue, v));
-            let [a, b, c] = face;
-            if !meets(a.min(b).min(c), a.max(b).max(c)) {
+            if !boxes_meet(bounds(face), (low, high)) {
                 continue;
             }
             let [mut first, mut last] = [1.0f64, 0.0];
@@ -183,8 +181,7 @@ pub(super) fn corners_inside(tissue: &Tissue, positions: &PositionCache, corners
     let [low, high] = corners.iter().fold([centre; 2], |[low, high], p| [low.min(*p), high.max(*p)]);
     for &f in near {
         let face = tissue.mesh.face(f).map(|v| positions.of(tissue, v));
-        let [a, b, c] = face;
-        if a.min(b).min(c).cmpgt(high).any() || a.max(b).max(c).cmplt(low).any() {
+        if !boxes_meet(bounds(face), (low, high)) {
             continue;
         }
         let is_wall = tissue.mesh.is_interior(f);

@@ -208,21 +208,17 @@ impl SectionBounds {
             let at = rest[v.index()];
             (low, high) = (low.min(at), high.max(at));
             sections.rest[s] = Some((low, high));
-            each_base(
-                rows,
-                |v| rest[v.index()],
-                v,
-                |by| {
-                    if let Some(known) = &mut gathered
-                        && join(std::slice::from_mut(known), by)
-                    {
-                        return;
-                    }
-                    if let Some(last) = gathered.replace(*by) {
-                        sections.widen(s, &last);
-                    }
-                },
-            );
+            let gather = |by: &JointBounds| {
+                if let Some(known) = &mut gathered
+                    && join(std::slice::from_mut(known), by)
+                {
+                    return;
+                }
+                if let Some(last) = gathered.replace(*by) {
+                    sections.widen(s, &last);
+                }
+            };
+            each_base(rows, |v| rest[v.index()], v, gather);
         }
         if let Some(last) = gathered {
             sections.widen(s, &last);

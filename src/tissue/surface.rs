@@ -11,7 +11,7 @@ impl Tissue {
     /// Call [`Tissue::refresh_sections`] first.
     pub(super) fn faces_near(&self, low: DVec3, high: DVec3, out: &mut Vec<FaceId>) {
         out.clear();
-        out.extend(self.faces_where(move |l, h| !(l.cmpgt(high).any() || h.cmplt(low).any())));
+        out.extend(self.faces_where(move |l, h| boxes_meet((l, h), (low, high))));
     }
 
     /// Faces of the sections whose widened posed bounds, low and high, satisfy `meets`. What a box does not, no box in it does.
@@ -132,6 +132,16 @@ impl Tissue {
     }
 }
 
+/// False if two boxes, low and high corner each, are apart.
+pub(super) fn boxes_meet((low, high): (DVec3, DVec3), (other_low, other_high): (DVec3, DVec3)) -> bool {
+    !(low.cmpgt(other_high).any() || high.cmplt(other_low).any())
+}
+
+/// Low and high corner of a triangle's box.
+pub(super) fn bounds([a, b, c]: [DVec3; 3]) -> (DVec3, DVec3) {
+    (a.min(b).min(c), a.max(b).max(c))
+}
+
 /// False only if the segment `p -> q` misses the box.
 pub(super) fn segment_meets_box(p: DVec3, q: DVec3, low: DVec3, high: DVec3) -> bool {
     let (half, half_way) = ((high - low) / 2.0, (q - p) / 2.0);
@@ -158,9 +168,7 @@ pub(super) fn edges([a, b, c]: [DVec3; 3]) -> [(DVec3, DVec3); 3] {
 
 /// On which side of a triangle's plane the ends of a segment are, exact in sign; `None` if the bounds of the two do not meet.
 fn heights(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<[f64; 2]> {
-    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let is_apart = p.min(q).cmpgt(high).any() || p.max(q).cmplt(low).any();
-    (!is_apart).then(|| [p, q].map(|end| orient(a, b, c, end)))
+    boxes_meet((p.min(q), p.max(q)), bounds([a, b, c])).then(|| [p, q].map(|end| orient(a, b, c, end)))
 }
 
 /// Parameter at which the segment `p -> q` meets a triangle, edges and corners included; `None` if it does not, or lies in its

@@ -42,10 +42,7 @@ fn slit_over_the_front(scene: &mut Scene, (is_heart, beats): (bool, bool), begin
     for k in 0..110 {
         let t = begins + f64::from(k) * STEP;
         let at = from.lerp(to, f64::from(k.min(45)) / 45.0);
-        let [tip, base] = match is_heart {
-            true => [0.024, 0.2].map(|z| 0.1 * at + z * DVec3::Z),
-            false => [at + 0.4 * DVec3::Z, 1.3 * at + DVec3::Z],
-        };
+        let [tip, base] = blade_over_the_front(is_heart, at);
         if k <= 45 {
             scene.edit(EditCommand::StrokePose(BladePose { t, tip, base }));
         }
@@ -54,6 +51,14 @@ fn slit_over_the_front(scene: &mut Scene, (is_heart, beats): (bool, bool), begin
         }
         scene.pose(t, if beats { t } else { 0.0 });
         scene.step(STEP);
+    }
+}
+
+/// Tip and base of a blade over a place on the front of a ball, or of a heart a tenth of that long.
+pub fn blade_over_the_front(is_heart: bool, at: DVec3) -> [DVec3; 2] {
+    match is_heart {
+        true => [0.024, 0.2].map(|z| 0.1 * at + z * DVec3::Z),
+        false => [at + 0.4 * DVec3::Z, 1.3 * at + DVec3::Z],
     }
 }
 

@@ -1,5 +1,6 @@
 //! Wounds that cross in one place: the tips between them are narrower than what they open by.
 
+use super::crossings::blade_over_the_front;
 use super::lips::folded_skin;
 use super::*;
 use crate::common::models::users_scene_opening;
@@ -9,30 +10,25 @@ use crate::common::models::users_scene_opening;
 #[test]
 fn tips_between_wounds_that_cross_are_not_turned_over() {
     for (name, scale) in [("sphere", 1.0), ("heart", 0.1)] {
-        let mut all = [0.0; 2];
+        let is_heart = name == "heart";
+        let (mut all_folded, mut all_opened) = (0.0, 0.0);
         for (wide, width) in [(1.0, 0.0), (1.0, 0.002), (2.0, 0.0), (2.0, 0.002)] {
-            let mut scene = users_scene_opening(name, if name == "heart" { 18_000 } else { 17_328 }, wide);
+            let mut scene = users_scene_opening(name, if is_heart { 18_000 } else { 17_328 }, wide);
             scene.set_wall(WallMode::Open);
             let gap = only(&scene).layer().unwrap().settings.wound.gap;
-            let mut mean = 0.0;
             for (k, degrees) in [0.0, 90.0, 45.0_f64].into_iter().enumerate() {
                 let (sin, cos) = degrees.to_radians().sin_cos();
                 stroke(&mut scene, width * scale, 2.0 * k as f64, |x| {
-                    let at = 0.68 * x * DVec3::new(cos, sin, 0.0);
-                    match name {
-                        "heart" => [0.024, 0.2].map(|z| 0.1 * at + z * DVec3::Z),
-                        _ => [at + 0.4 * DVec3::Z, 1.3 * at + DVec3::Z],
-                    }
+                    blade_over_the_front(is_heart, 0.68 * x * DVec3::new(cos, sin, 0.0))
                 });
                 let folded = folded_skin(only(&scene)) / (gap * gap);
                 assert!(folded < 0.05, "{name}, {wide}, {width}: {folded} of a squared gap is turned over after stroke {k}");
-                all[0] += folded;
-                mean = mean_opening(only(&scene));
+                all_folded += folded;
             }
-            all[1] += mean;
+            all_opened += mean_opening(only(&scene));
         }
-        assert!(all[0] < 0.1, "{name}: {} squared gaps are turned over", all[0]);
-        assert!(all[1] > 0.6, "{name}: lips are out by {} of a gap in the mean", all[1] / 4.0);
+        assert!(all_folded < 0.1, "{name}: {all_folded} squared gaps are turned over");
+        assert!(all_opened > 0.6, "{name}: lips are out by {} of a gap in the mean", all_opened / 4.0);
     }
 }
 
