@@ -18,6 +18,9 @@ use super::strips::{Strips, WoundMark};
 use crate::geometry::{HalfEdge, Mesh, VertexId};
 use glam::DVec3;
 
+/// Where the first wound particles of a slit are that begins where lips do not meet, in spacings: beyond those that would hold it shut.
+const FIRST_OF_OPEN: f64 = 0.6;
+
 /// Vertices that are looked at between the two lips of a slit's end.
 const MOST_BETWEEN_LIPS: usize = 128;
 
@@ -80,6 +83,7 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
     if wound.gap <= 0.0 || strips.is_empty() || strips.end > update.strips.len() {
         return;
     }
+    let (before, first_of_open) = (update.map.len(), FIRST_OF_OPEN * wound.spacing);
     for k in strips.clone() {
         let strip = update.strips.as_slice()[k];
         if strip.is_beside() {
@@ -94,7 +98,9 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
         let (from, to) = (strip.place * f64::from(strip.way), strip.end_place() * f64::from(strip.way));
         let first = (from / wound.spacing).ceil() + f64::from(u8::from(is_open && from == 0.0));
         let places = (0..room).map(|i| (first + i as f64) * wound.spacing).take_while(|&s| s < to);
-        for place in places {
+        let is_here = strip.way > 0 && from <= first_of_open && first_of_open < to;
+        let starts_open = is_here && if is_first { is_open } else { !starts_held(update, strip.wound, [0.0; 2]) };
+        for place in starts_open.then_some(first_of_open).into_iter().chain(places) {
             for side in [1, -1] {
                 if !is_first && is_marked(update, &strip, place - from, i32::from(side)) {
                     continue;
@@ -106,6 +112,10 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
             continue;
         }
         let open = opened(update, &strip);
+        // what lies in an older wound and opens no more of it leaves that as it stands
+        if open == update.edit.opened && update.map.len() == before {
+            continue;
+        }
         // a blade that comes back has been at the other end
         let starts_shut = strip.way < 0 || starts_held(update, strip.wound, open);
         displace(update, Opening { wound: strip.wound, open, is_shut: [starts_shut, true], is_done: false });

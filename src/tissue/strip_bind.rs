@@ -111,8 +111,9 @@ impl Cut<'_> {
         if !self.is_beside {
             let edge = self.skin_edge(tissue, part);
             let begins = self.line(tissue, &layer.strips, (part, is_first), edge);
-            on = begins.strip(edge[1], self.length(part, begins.end.distance(edge[1])));
-            (opened, line) = (begins.opened, Some(begins.after(&on)));
+            let strip = begins.strip(edge[1], self.length(part, begins.end.distance(edge[1])));
+            (opened, line) = (begins.opened, Some(begins.after(&strip)));
+            on = if begins.is_on_offer() { OnLine::BESIDE } else { strip };
         }
         let corners = [start[0], end[0], end[1], start[1]];
         let strip = tissue.layer.as_mut()?.strips.push_strip(corners, self.reach, self.slit, on).ok()?;
@@ -165,7 +166,7 @@ impl TearStroke {
             tissue.scratch.update.reuse(update);
             last = strip.or(last);
             line = on;
-            if let Some(line) = on {
+            if let Some(line) = on.filter(|line| !line.is_on_offer()) {
                 self.lies_on(tissue, line.wound);
             }
         }

@@ -38,6 +38,19 @@ pub(in crate::tissue) struct WoundLine {
     pub(super) end: DVec3,
     /// What of it stood open before the stroke came to it, metres.
     pub(super) opened: [f64; 2],
+    /// What the next strips are to go by if they lie on it, too.
+    offer: Option<Offer>,
+}
+
+/// The line of an older wound, to what begins in that and has not come to its end: a blade that crosses it may run along it first, or cut hardly more
+/// than a dot of its lip, before it leaves.
+#[derive(Clone, Copy, Debug)]
+struct Offer {
+    /// Where the line goes there, and the least cosine of a strip's way with that.
+    along: DVec3,
+    least: f64,
+    /// A strip with a way of its own lies on it.
+    is_taken: bool,
 }
 
 impl WoundLine {
@@ -48,11 +61,25 @@ impl WoundLine {
 
     /// The same at the end of a strip of it.
     pub(super) fn after(&self, strip: &OnLine) -> Self {
-        Self { place: self.place + f64::from(self.way) * strip.length, end: strip.skin[1], ..*self }
+        let place = self.place + f64::from(self.way) * strip.length;
+        let offer = self.offer.filter(|_| place > self.opened[0] && place < self.opened[1]);
+        Self { place, end: strip.skin[1], offer, ..*self }
     }
 
     fn new(strips: &Strips, at: DVec3) -> Self {
-        Self { wound: strips.next_wound(), place: 0.0, way: 1, end: at, opened: [0.0; 2] }
+        Self { wound: strips.next_wound(), place: 0.0, way: 1, end: at, opened: [0.0; 2], offer: None }
+    }
+
+    /// True if nothing lies on the line yet that has a way of its own.
+    pub(super) fn is_on_offer(&self) -> bool {
+        self.offer.is_some_and(|o| !o.is_taken)
+    }
+
+    /// The line for a strip that goes this way, or has no way of its own; `None` if that goes elsewhere.
+    fn taken(self, way: Option<DVec3>) -> Option<Self> {
+        let (Some(way), Some(offer)) = (way, self.offer) else { return Some(self) };
+        let offer = Offer { is_taken: true, ..offer };
+        (way.dot(offer.along).abs() >= offer.least).then_some(Self { offer: Some(offer), ..self })
     }
 }
 
@@ -111,14 +138,13 @@ impl Cut<'_> {
     ) -> WoundLine {
         let [from, to] = edge;
         let near = tissue.layer.as_ref().map_or(0.0, |layer| 0.5 * layer.settings.wound.spacing);
+        let way = (from.distance(to) > NEXT_TO_NONE * near).then(|| (to - from).normalize_or_zero());
         if let Some(line) = self.goes_on_along.filter(|_| is_first)
             && (self.shares_edge || line.end.distance(from) <= near)
+            && let Some(line) = line.taken(way)
         {
             return line;
         }
-        // a box that met next to no skin goes where its blade does, if anywhere
-        let ([start, finish], is_dot) = (part.at_rest, from.distance(to) <= NEXT_TO_NONE * near);
-        let way = if is_dot { finish[1] - start[1] } else { to - from }.normalize_or_zero();
         let normal = part.normal();
         let mut best: Option<(f64, WoundLine)> = None;
         let mut looked_at = None;
@@ -131,7 +157,7 @@ impl Cut<'_> {
             let [start, end] = strip.skin_edge();
             let along = end - start;
             let share = ((from - start).dot(along) / along.length_squared()).clamp(0.0, 1.0);
-            let (at, cosine) = (start + along * share, way.dot(along.normalize_or_zero()));
+            let at = start + along * share;
             let off = at.distance(from);
             let Some([low, high]) = strips.wound_range(strip.wound) else { return };
             let place = strip.place + f64::from(strip.way) * strip.length * share;
@@ -139,8 +165,13 @@ impl Cut<'_> {
             let onwards = if normal.dot(strips.geometry(lip.strip as usize).normal()) < 0.0 { -strip.way } else { strip.way };
             let leaves = if onwards > 0 { place >= high - near } else { place <= low + near };
             let is_better = best.is_none_or(|(least, line)| (off, strip.wound) < (least, line.wound));
-            if off <= near && (is_dot || cosine.abs() >= if leaves { ONWARDS } else { ALONG }) && is_better {
-                let line = WoundLine { wound: strip.wound, place, way: onwards, end: from, opened: [low, high] };
+            let least = if leaves { ONWARDS } else { ALONG };
+            let offer = Some(Offer { along: along.normalize_or_zero(), least, is_taken: false });
+            let line = WoundLine { wound: strip.wound, place, way: onwards, end: from, opened: [low, high], offer };
+            if off <= near
+                && is_better
+                && let Some(line) = line.taken(way)
+            {
                 best = Some((off, line));
             }
         };

@@ -25,6 +25,51 @@ fn a_slit_across_a_wound_leaves_both_its_arms_open() {
     }
 }
 
+/// Slow strokes across a wound that stands open, of a bar: what the blade cuts beyond that is a wound of its own, however little it nicks of the lip
+/// first, and however near its way is to that of the older one where it begins. On the older one's line it stood open up to the blade, which
+/// cut to the left and to the right of its own way, and lips went over each other.
+#[test]
+fn what_a_slow_blade_cuts_beyond_a_wound_is_another() {
+    for degrees in [20.0, 30.0, 60.0, 90.0_f64] {
+        for width in [0.0, 0.0004, 0.002] {
+            let mut scene = users_scene("beam", 18_000, 0.3);
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let ways = [DVec3::X, DVec3::new(cos, 0.0, sin)];
+            for (k, way) in ways.into_iter().enumerate() {
+                slow_stroke_down_the_top(&mut scene, width, 4.0 * k as f64, 0.034 * way);
+            }
+            let strips = &only(&scene).layer().unwrap().strips;
+            let of_second = (0..strips.len()).filter(|&k| strips.slit_start(k) > 0);
+            let way_of = |k: usize| {
+                let [from, to] = strips.as_slice()[k].skin_edge();
+                (to - from).normalize_or_zero()
+            };
+            let off = |k: &usize| way_of(*k).dot(DVec3::X).abs() < 0.9;
+            let on_first = of_second.clone().filter(|&k| strips.as_slice()[k].wound == 0).filter(off).count();
+            assert!(of_second.filter(off).count() > 4, "{degrees}, {width}: it was cut");
+            assert_eq!(on_first, 0, "{degrees}, {width}: strips that lie on the line of a wound which they leave");
+        }
+    }
+}
+
+/// A stroke of two seconds down the top of a bar, through its middle to `to` from as far on the other side, and a second for its wound to open.
+fn slow_stroke_down_the_top(scene: &mut Scene, width: f64, begins: f64, to: DVec3) {
+    scene.edit(EditCommand::StrokeBegin { width });
+    for k in 0..90 {
+        let t = begins + f64::from(k) / 30.0;
+        scene.pose(t, 0.0);
+        if k <= 60 {
+            let at = to * (f64::from(k) / 30.0 - 1.0);
+            let [tip, base] = [0.03, 0.26].map(|y| at + y * DVec3::Y);
+            scene.edit(EditCommand::StrokePose(BladePose { t, tip, base }));
+        }
+        if k == 60 {
+            scene.edit(EditCommand::StrokeEnd);
+        }
+        scene.step(1.0 / 30.0);
+    }
+}
+
 /// How far lips of the first slit have moved apart where another crosses it no nearer than a twelfth of the ball's width.
 fn lip_openings(scene: &Scene) -> impl Iterator<Item = (VertexId, f64)> + '_ {
     let tissue = only(scene);
