@@ -4,7 +4,11 @@ use super::Tissue;
 use super::sections::SECTION_MARGIN;
 use crate::geometry::{FaceId, Plane, SectionId, VertexId};
 use glam::DVec3;
+use std::cell::Cell;
 use std::ops::Range;
+
+/// How far beyond a face that a blade meets others may be that it meets before, as rounding has it: a share of the blade.
+const BEYOND: f64 = 1.0 / 128.0;
 
 impl Tissue {
     /// Faces of the sections whose posed bounds, widened by all displacements, meet `low..high` (tissue space), section by section.
@@ -115,14 +119,19 @@ impl Tissue {
     }
 
     /// [`Tissue::blade_entry`] with known positions. Hands ask in every frame, so nothing is listed; of faces met at once the first
-    /// by index counts.
+    /// by index counts. What lies a little beyond a face that was met is not looked at.
     pub(super) fn blade_entry_at(&self, tip: DVec3, base: DVec3, position: impl Fn(VertexId) -> DVec3) -> Option<(f64, FaceId)> {
         let mut first: Option<(f64, FaceId)> = None;
-        for f in self.faces_where(move |low, high| segment_meets_box(tip, base, low, high)) {
-            if let Some(s) = segment_triangle(base, tip, self.mesh.face(f).map(&position))
+        let end = Cell::new(tip);
+        let part = &end;
+        for f in self.faces_where(move |low, high| segment_meets_box(part.get(), base, low, high)) {
+            let corners = self.mesh.face(f).map(&position);
+            if boxes_meet(bounds(corners), (base.min(end.get()), base.max(end.get())))
+                && let Some(s) = segment_meets_triangle(base, tip, corners)
                 && first.is_none_or(|best| (s, f) < best)
             {
                 first = Some((s, f));
+                end.set(base.lerp(tip, (s + BEYOND).min(1.0)));
             }
         }
         let (s, f) = first?;
@@ -166,15 +175,25 @@ pub(super) fn edges([a, b, c]: [DVec3; 3]) -> [(DVec3, DVec3); 3] {
     [(a, b), (b, c), (c, a)]
 }
 
-/// On which side of a triangle's plane the ends of a segment are, exact in sign; `None` if the bounds of the two do not meet.
-fn heights(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<[f64; 2]> {
-    boxes_meet((p.min(q), p.max(q)), bounds([a, b, c])).then(|| [p, q].map(|end| orient(a, b, c, end)))
+/// On which side of a triangle's plane the ends of a segment are, exact in sign.
+fn heights(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> [f64; 2] {
+    [p, q].map(|end| orient(a, b, c, end))
+}
+
+/// True if the bounds of a segment and a triangle meet.
+fn bounds_meet(p: DVec3, q: DVec3, triangle: [DVec3; 3]) -> bool {
+    boxes_meet((p.min(q), p.max(q)), bounds(triangle))
 }
 
 /// Parameter at which the segment `p -> q` meets a triangle, edges and corners included; `None` if it does not, or lies in its
 /// plane.
-pub(super) fn segment_triangle(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
-    let [dp, dq] = heights(p, q, [a, b, c])?;
+pub(super) fn segment_triangle(p: DVec3, q: DVec3, triangle: [DVec3; 3]) -> Option<f64> {
+    if bounds_meet(p, q, triangle) { segment_meets_triangle(p, q, triangle) } else { None }
+}
+
+/// [`segment_triangle`] of a triangle whose bounds meet those of the segment.
+fn segment_meets_triangle(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<f64> {
+    let [dp, dq] = heights(p, q, [a, b, c]);
     if dp == 0.0 && dq == 0.0 || dp * dq > 0.0 {
         return None;
     }
@@ -189,7 +208,10 @@ const BESIDE: DVec3 = DVec3::new(0.613_7, 0.290_3, 0.734_2);
 /// Parameter at which the segment `p -> q` goes through a triangle, and whether it goes out through its front; `None` if it does not.
 /// Of triangles that meet in an edge or a corner, a segment through it goes through as many as one beside it.
 pub(super) fn segment_crosses(p: DVec3, q: DVec3, [a, b, c]: [DVec3; 3]) -> Option<(f64, bool)> {
-    let [dp, dq] = heights(p, q, [a, b, c])?;
+    if !bounds_meet(p, q, [a, b, c]) {
+        return None;
+    }
+    let [dp, dq] = heights(p, q, [a, b, c]);
     let is_behind = |d: f64| if d == 0.0 { (b - a).cross(c - a).dot(BESIDE) < 0.0 } else { d > 0.0 };
     if is_behind(dp) == is_behind(dq) {
         return None;
