@@ -281,19 +281,16 @@ impl TearScratch {
             body.planes.iter().map(|plane| (plane.normal(), level(plane))).collect();
         let spared = |f: &FaceId| walls.is_some_and(|w| w.remove.binary_search(f).is_ok() || w.keep.binary_search(f).is_ok());
         for &face in candidates {
-            if spared(&face) {
-                continue;
-            }
-            let slots = mesh.face(face).map(|v| self.placed_slot(v, position));
-            let corners = slots.map(|s| self.positions[s]);
+            let corners = mesh.corners(face, position);
             let (low, high) = (corners[0].min(corners[1]).min(corners[2]), corners[0].max(corners[1]).max(corners[2]));
             if low.cmpgt(body.max).any() || high.cmplt(body.min).any() {
                 continue;
             }
             // most are beyond one plane by more than rounding: their exact values say no more
-            if beyond.iter().any(|(n, level)| corners.iter().all(|p| n.dot(*p) > *level)) {
+            if beyond.iter().any(|(n, level)| corners.iter().all(|p| n.dot(*p) > *level)) || spared(&face) {
                 continue;
             }
+            let slots = mesh.face(face).map(|v| self.placed_slot(v, position));
             slots.iter().for_each(|&s| self.give_values(mesh, s, body, position, tags));
             let values = slots.map(|s| &self.values[s]);
             if self.clipped.clip(&values, body.planes.len()) {
@@ -536,6 +533,9 @@ impl TearScratch {
         out.faces_removed = self.removed.len();
         out.added_faces.extend_from_slice(&self.topology.added);
         self.incident.extend_from_slice(&out.added_faces);
+        // most are around several of the vertices
+        self.incident.sort_unstable();
+        self.incident.dedup();
         if self.is_closed {
             self.lining.collect_rim(mesh, &out.added_faces);
             out.recut.iter_mut().zip(&out.added_faces).for_each(|(recut, &to)| recut.1 = to);

@@ -477,7 +477,7 @@ impl TearStroke {
         let is_new = |f: FaceId| [&before.end_wall, &before.other_walls].iter().any(|walls| walls.binary_search(&f).is_ok());
         let is_wall = |f: FaceId| tissue.mesh.is_live(f) && tissue.mesh.is_interior(f);
         let is_apart = |f: FaceId| {
-            let corners = tissue.mesh.face(f).map(|v| self.positions.of(tissue, v));
+            let corners = tissue.mesh.corners(f, |v| self.positions.of(tissue, v));
             outward.iter().any(|&(n, d)| corners.iter().all(|p| n.dot(*p) + d > grain))
         };
         self.candidates.iter().any(|&f| is_wall(f) && !is_new(f) && !is_apart(f))
