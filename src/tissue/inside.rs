@@ -30,7 +30,7 @@ impl Surface for Seen<'_> {
         let [low, high] = ends.iter().fold([ends[0]; 2], |[low, high], p| [low.min(*p), high.max(*p)]);
         let (mut widest, mut s) = (None, f64::INFINITY);
         for f in self.tissue.faces_where(move |l, h| boxes_meet((l, h), (low, high))) {
-            let face = self.tissue.mesh.face(f).map(|v| self.positions.of(self.tissue, v));
+            let face = self.tissue.mesh.corners(f, |v| self.positions.of(self.tissue, v));
             if !boxes_meet(bounds(face), (low, high)) {
                 continue;
             }
@@ -65,7 +65,7 @@ impl Surface for Seen<'_> {
             if self.tissue.mesh.is_interior(f) {
                 continue;
             }
-            let [a, b, c] = self.tissue.mesh.face(f).map(|v| self.positions.of(self.tissue, v));
+            let [a, b, c] = self.tissue.mesh.corners(f, |v| self.positions.of(self.tissue, v));
             let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
             let above = |s: f64| normal.dot(tip.lerp(base, s) - a);
             let Some((low, high)) = part_over([a, b, c], normal, reach, tip, base) else { continue };
@@ -180,7 +180,7 @@ pub(super) fn corners_inside(tissue: &Tissue, positions: &PositionCache, corners
     let mut cover = [0i32; 8];
     let [low, high] = corners.iter().fold([centre; 2], |[low, high], p| [low.min(*p), high.max(*p)]);
     for &f in near {
-        let face = tissue.mesh.face(f).map(|v| positions.of(tissue, v));
+        let face = tissue.mesh.corners(f, |v| positions.of(tissue, v));
         if !boxes_meet(bounds(face), (low, high)) {
             continue;
         }

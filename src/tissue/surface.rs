@@ -124,9 +124,11 @@ impl Tissue {
         let mut first: Option<(f64, FaceId)> = None;
         let end = Cell::new(tip);
         let part = &end;
+        let line = Line::through(base, tip);
         for f in self.faces_where(move |low, high| segment_meets_box(part.get(), base, low, high)) {
-            let corners = self.mesh.face(f).map(&position);
-            if boxes_meet(bounds(corners), (base.min(end.get()), base.max(end.get())))
+            let corners = self.mesh.corners(f, &position);
+            if line.may_meet(corners)
+                && boxes_meet(bounds(corners), (base.min(end.get()), base.max(end.get())))
                 && let Some(s) = segment_meets_triangle(base, tip, corners)
                 && first.is_none_or(|best| (s, f) < best)
             {
@@ -138,6 +140,31 @@ impl Tissue {
         let [a, b, c] = self.mesh.face(f).map(&position);
         let leaves = (b - a).cross(c - a).dot(tip - base) > 0.0;
         Some((if leaves { 0.0 } else { s }, f))
+    }
+}
+
+/// A line, as it is seen along itself: a point, and two directions across.
+struct Line {
+    across: [DVec3; 2],
+    at: [f64; 2],
+    /// More than roundings of what is seen there.
+    slack: f64,
+}
+
+impl Line {
+    fn through(p: DVec3, q: DVec3) -> Self {
+        let (one, other) = (q - p).normalize_or(DVec3::X).any_orthonormal_pair();
+        Self { across: [one, other], at: [p.dot(one), p.dot(other)], slack: 1e-12 * (p.abs() + q.abs()).element_sum() }
+    }
+
+    /// False only if the line misses the triangle: all of its corners are seen on one side, this way or that.
+    #[inline]
+    fn may_meet(&self, [a, b, c]: [DVec3; 3]) -> bool {
+        (0..2).all(|k| {
+            let seen = |p: DVec3| p.dot(self.across[k]) - self.at[k];
+            let (a, b, c, slack) = (seen(a), seen(b), seen(c), self.slack);
+            (a <= slack || b <= slack || c <= slack) && (a >= -slack || b >= -slack || c >= -slack)
+        })
     }
 }
 
