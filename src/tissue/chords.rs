@@ -7,7 +7,7 @@ use super::positions::Skins;
 use super::sections::SECTION_MARGIN;
 use crate::geometry::{FaceId, SectionId, VertexId};
 use crate::surgery::insert::NewVertex;
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec2};
 
 /// Ways that chords take: across each other, and in no plane that a blade is likely to move in, since corners lie in its walls.
 const WAYS: [DVec3; 3] = [
@@ -25,7 +25,7 @@ pub(super) type Hanging = [(VertexId, f64); 6];
 /// What a search for chords needs, kept between edits.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ChordScratch {
-    pub(super) skins: Skins,
+    skins: Skins,
     /// One for each of [`WAYS`].
     bundles: [Bundle; 3],
 }
@@ -38,6 +38,8 @@ struct Bundle {
     /// What the faces cover, and the faces.
     covered: Window,
     faces: Vec<Ending>,
+    /// Where vertices are seen, rounded: what most faces are ruled out by.
+    seen: Skins<Vec2>,
 }
 
 /// A face that a chord may end on: its corners' vertices, and where bones alone put them.
@@ -67,6 +69,12 @@ impl Window {
 
     fn meets(&self, other: &Self) -> bool {
         (self.low.cmple(other.high) & self.high.cmpge(other.low)).all()
+    }
+
+    /// In f32, larger by more than that rounds what is seen.
+    fn rounded_outwards(&self) -> (Vec2, Vec2) {
+        let rounding = 4.0 * f64::from(f32::EPSILON) * self.low.abs().max(self.high.abs());
+        ((self.low - rounding).as_vec2(), (self.high + rounding).as_vec2())
     }
 }
 
@@ -110,7 +118,16 @@ impl ChordScratch {
     /// Makes room for a tissue of so many vertices.
     pub(super) fn make_room(&mut self, vertices: usize) {
         self.skins.make_room(vertices);
-        self.bundles.iter_mut().for_each(|bundle| bundle.faces.reserve(BUNDLE_ROOM));
+        for bundle in &mut self.bundles {
+            bundle.faces.reserve(BUNDLE_ROOM);
+            bundle.seen.make_room(vertices);
+        }
+    }
+
+    /// To be called when rows of vertices that there were may be other ones: after an undo or a redo.
+    pub(super) fn forget(&mut self) {
+        self.skins.forget();
+        self.bundles.iter_mut().for_each(|bundle| bundle.seen.forget());
     }
 
     /// To be called before an edit's corners are hung: nothing is known of what the last ones hung on.
@@ -142,6 +159,7 @@ impl Tissue {
             let seen = across.of(p);
             if !bundle.covered.meets(&Window { low: seen, high: seen }) {
                 skins.refresh(self);
+                bundle.seen.refresh(self);
                 // the others are moved by about as much
                 let moved = seen - across.of(at);
                 let corners = Window { low: bundle.corners.low + moved, high: bundle.corners.high + moved };
@@ -158,26 +176,33 @@ impl Tissue {
 
     /// Lists the faces of the skin that are seen in the covered window.
     fn list_endings(&self, across: Across, made: &[NewVertex], skins: &Skins, bundle: &mut Bundle) {
+        let rows = self.rows.len();
         let known = |mut v: VertexId| {
-            while v.index() >= self.rows.len() {
+            while v.index() >= rows {
                 v = made.iter().find(|m| m.vertex == v)?.parents[0].0;
             }
             Some(v)
         };
-        let covered = bundle.covered;
+        let Bundle { covered, faces: endings, seen, .. } = bundle;
         let is_seen = |bounds: (DVec3, DVec3)| covered.meets(&across.of_box(bounds, SECTION_MARGIN * self.diagonal));
         let groups = self.sections.groups().filter(|(_, bounds)| is_seen(*bounds));
         let sections = groups.flat_map(|(group, _)| group).filter(|&s| is_seen(self.sections.of(s)));
         let faces = sections.flat_map(|s| self.mesh.section_faces(SectionId::new(s)));
         let is_skin = |f: &FaceId| !self.mesh.is_interior(*f);
+        let (low, high) = covered.rounded_outwards();
+        let at = |v: VertexId| seen.get(v, || across.of(skins.of(self, v)).as_vec2());
         let ending = |f: FaceId| {
-            let [Some(a), Some(b), Some(c)] = self.mesh.face(f).map(known) else { return None };
-            let corners = [a, b, c].map(|v| skins.of(self, v));
-            let window = Window::around(corners.iter().map(|&c| across.of(c)));
-            covered.meets(&window).then_some(Ending { vertices: [a, b, c], corners })
+            let mut vertices = self.mesh.face(f);
+            if vertices.iter().any(|v| v.index() >= rows) {
+                let [Some(a), Some(b), Some(c)] = vertices.map(known) else { return None };
+                vertices = [a, b, c];
+            }
+            let [a, b, c] = [at(vertices[0]), at(vertices[1]), at(vertices[2])];
+            let meets = a.min(b).min(c).cmple(high) & a.max(b).max(c).cmpge(low);
+            meets.all().then(|| Ending { vertices, corners: vertices.map(|v| skins.of(self, v)) })
         };
-        bundle.faces.clear();
-        bundle.faces.extend(faces.filter(is_skin).filter_map(ending));
+        endings.clear();
+        endings.extend(faces.filter(is_skin).filter_map(ending));
     }
 }
 

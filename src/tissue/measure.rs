@@ -96,7 +96,7 @@ impl Tissue {
 
     /// To be called after going back or forth by a delta.
     pub(super) fn note_travel(&mut self, inverse: &crate::geometry::MeshDelta) {
-        self.scratch.chords.skins.forget();
+        self.scratch.chords.forget();
         self.tally.graph.note_delta(&self.mesh, inverse);
         (self.tally.whole, self.tally.counts) = (None, None);
     }

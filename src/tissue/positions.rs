@@ -9,11 +9,16 @@ use std::cell::Cell;
 /// Values by index (positions by vertex), each computed when first asked for and known for as long as `key` stays what it is.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Rounds<K, T: Copy = DVec3> {
-    at: Vec<Cell<T>>,
-    /// The round in which each was computed.
-    known: Vec<Cell<u32>>,
+    values: Vec<Known<T>>,
     round: u32,
     key: K,
+}
+
+/// A value with the round in which it was computed.
+#[derive(Clone, Debug, Default)]
+struct Known<T: Copy> {
+    value: Cell<T>,
+    round: Cell<u32>,
 }
 
 impl<K: PartialEq, T: Copy + Default> Rounds<K, T> {
@@ -22,7 +27,7 @@ impl<K: PartialEq, T: Copy + Default> Rounds<K, T> {
         let is_new = self.round == 0 || key != self.key;
         if is_new {
             if self.round == u32::MAX {
-                self.known.iter().for_each(|k| k.set(0));
+                self.values.iter().for_each(|k| k.round.set(0));
                 self.round = 0;
             }
             self.round += 1;
@@ -33,32 +38,39 @@ impl<K: PartialEq, T: Copy + Default> Rounds<K, T> {
     }
 
     fn grow(&mut self, slots: usize) {
-        fit(&mut self.known, slots, Cell::new(0));
-        fit(&mut self.at, slots, Cell::new(T::default()));
+        fit(&mut self.values, slots, Known::default());
     }
 
     /// Makes room for so many values.
     pub(super) fn make_room(&mut self, slots: usize) {
-        self.known.reserve(slots.saturating_sub(self.known.len()));
-        self.at.reserve(slots.saturating_sub(self.at.len()));
+        self.values.reserve(slots.saturating_sub(self.values.len()));
     }
 
     /// Forgets one value.
     pub(super) fn forget(&self, i: usize) {
-        if let Some(known) = self.known.get(i) {
-            known.set(0);
+        if let Some(known) = self.values.get(i) {
+            known.round.set(0);
         }
     }
 
     /// Value `i`, from `compute` if it is not known. Those beyond the slots of the last refresh are computed.
-    #[inline]
+    #[inline(always)]
     pub(super) fn get(&self, i: usize, compute: impl FnOnce() -> T) -> T {
-        let Some(known) = self.known.get(i) else { return compute() };
-        if known.get() != self.round {
-            self.at[i].set(compute());
-            known.set(self.round);
+        match self.values.get(i) {
+            Some(known) if known.round.get() == self.round => known.value.get(),
+            _ => self.find(i, compute),
         }
-        self.at[i].get()
+    }
+
+    /// [`Rounds::get`] of one that is not known: apart from that, which is asked for each corner of many faces.
+    #[inline(never)]
+    fn find(&self, i: usize, compute: impl FnOnce() -> T) -> T {
+        let value = compute();
+        if let Some(known) = self.values.get(i) {
+            known.value.set(value);
+            known.round.set(self.round);
+        }
+        value
     }
 }
 
@@ -121,12 +133,12 @@ impl PositionCache {
     }
 }
 
-/// Skinned positions of a tissue as it stands: the corners of a box look along lines that are near each other. No edit changes the
-/// row of a vertex that there was, but for undo and redo: [`Skins::forget`].
+/// What is known of skinned vertices of a tissue as it stands, their positions for one: the corners of a box look along lines that are near
+/// each other. No edit changes the row of a vertex that there was, but for undo and redo: [`Skins::forget`].
 #[derive(Clone, Debug, Default)]
-pub(super) struct Skins(Rounds<u64>);
+pub(super) struct Skins<T: Copy + Default = DVec3>(Rounds<u64, T>);
 
-impl Skins {
+impl<T: Copy + Default> Skins<T> {
     /// Makes room for so many vertices.
     pub(super) fn make_room(&mut self, vertices: usize) {
         self.0.make_room(vertices);
@@ -137,14 +149,22 @@ impl Skins {
         self.0.key = u64::MAX;
     }
 
-    /// To be called before positions are asked for: forgets them if the pose is another.
+    /// To be called before values are asked for: forgets them if the pose is another.
     pub(super) fn refresh(&mut self, tissue: &Tissue) {
         self.0.refresh(tissue.versions.pose, tissue.rows.len());
     }
 
+    /// [`Rounds::get`].
+    #[inline(always)]
+    pub(super) fn get(&self, v: VertexId, compute: impl FnOnce() -> T) -> T {
+        self.0.get(v.index(), compute)
+    }
+}
+
+impl Skins {
     /// [`Tissue::skinned`] through the cache.
     #[inline]
     pub(super) fn of(&self, tissue: &Tissue, v: VertexId) -> DVec3 {
-        self.0.get(v.index(), || tissue.skinned(v))
+        self.get(v, || tissue.skinned(v))
     }
 }
