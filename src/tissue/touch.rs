@@ -192,14 +192,28 @@ impl Tissue {
     }
 
     /// Vertices whose hull is nearly that of the tissue as it is seen: the farthest in `count` directions, of a fine mesh among some
-    /// thousands of its vertices.
+    /// thousands of its vertices. Of what is thin along an axis, directions are those to points of a sphere that is as thin.
     pub fn hull_vertices(&self, count: usize) -> Vec<VertexId> {
         const MOST_VERTICES: usize = 4096;
+        const THIN: f32 = 0.25;
+        let stride = (self.mesh.vertex_slots() / MOST_VERTICES).max(1);
+        let posed = self.posed();
+        let mut middle = None;
+        let mut from_first = |v: VertexId| {
+            let p = posed.position(v);
+            (v, (p - *middle.get_or_insert(p)).as_vec3())
+        };
+        let points: Vec<(VertexId, Vec3)> = self.mesh.live_vertices().step_by(stride).map(&mut from_first).collect();
+        let bounds = points.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(l, h), (_, p)| (l.min(*p), h.max(*p)));
+        let extent = bounds.1 - bounds.0;
+        let longest = extent.max_element();
+        let is_thin = extent.min_element() < THIN * longest && longest.is_finite();
+        let thickness = if is_thin { extent / longest } else { Vec3::ONE }.max(Vec3::splat(1e-3));
         let golden = std::f64::consts::PI * (3.0 - 5f64.sqrt());
         let direction = |k: usize| {
             let y = 1.0 - (2 * k + 1) as f64 / count as f64;
             let (sin, cos) = (golden * k as f64).sin_cos();
-            DVec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin).as_vec3()
+            DVec3::new((1.0 - y * y).sqrt() * cos, y, (1.0 - y * y).sqrt() * sin).as_vec3() / thickness
         };
         // four directions at a time; of two vertices that a rounding of an f32 lies between, either will do
         let four = |k: usize| {
@@ -208,12 +222,7 @@ impl Tissue {
             (axes, Vec4::NEG_INFINITY, [VertexId::NONE; 4])
         };
         let mut farthest: Vec<([Vec4; 3], Vec4, [VertexId; 4])> = (0..count.div_ceil(4)).map(four).collect();
-        let stride = (self.mesh.vertex_slots() / MOST_VERTICES).max(1);
-        let posed = self.posed();
-        let mut middle = None;
-        for v in self.mesh.live_vertices().step_by(stride) {
-            let p = posed.position(v);
-            let p = (p - *middle.get_or_insert(p)).as_vec3();
+        for (v, p) in points {
             for ([x, y, z], most, vertices) in &mut farthest {
                 let reach = *x * p.x + *y * p.y + *z * p.z;
                 let further = reach.cmpgt(*most).bitmask();
@@ -236,5 +245,48 @@ impl Tissue {
         points.extend(vertices.iter().filter(|v| self.mesh.vertex_is_live(**v)).map(|v| self.position(*v)));
         let middle = points.iter().sum::<DVec3>() / points.len().max(1) as f64;
         points.iter_mut().for_each(|p| *p = middle + SHRUNK * (*p - middle));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::SlotCsr;
+    use crate::physics::NetworkSettings;
+    use crate::rig::{BoneWeight, VertexRows};
+    use crate::tissue::TissueSettings;
+
+    /// How far what a body of the model lacks of its hull lies outside of the body, along each axis, as a share of the model's extent there.
+    fn lacks(model: &str, squeezed: DVec3) -> f64 {
+        let mut model = crate::formats::load(model).unwrap();
+        let at = |v| (squeezed * model.rows.rest(VertexId::new(v))).as_vec3().to_array();
+        let bones: Vec<Vec<BoneWeight>> = (0..model.rows.len()).map(|v| model.rows.bones.row(v).to_vec()).collect();
+        model.rows =
+            VertexRows::from_base((0..bones.len()).map(at).collect(), SlotCsr::from_rows(bones.iter().map(Vec::as_slice)));
+        let (network, section_faces) = (NetworkSettings::FIRM, 64);
+        let settings = TissueSettings { particles: None, network, opening_s: 0.2, section_faces, fade_s: 0.25 };
+        let tissue = Tissue::new(model, &settings).unwrap();
+        let held: Vec<DVec3> = tissue.hull_vertices(64).iter().map(|v| tissue.position(*v)).collect();
+        let (low, high) = tissue.bounds();
+        let farthest = |points: &mut dyn Iterator<Item = DVec3>, way: DVec3| points.map(|p| p.dot(way)).fold(f64::MIN, f64::max);
+        let ways =
+            (0..400).map(|k| DVec3::new((f64::from(k) * 0.7).sin(), (f64::from(k) * 1.3).cos(), (f64::from(k) * 2.9).sin()));
+        let missing = ways.map(|way| {
+            // across what is thin
+            let way = (way / (high - low)).normalize_or(DVec3::Y);
+            let all = farthest(&mut tissue.mesh.live_vertices().map(|v| tissue.position(v)), way);
+            (all - farthest(&mut held.iter().copied(), way)) / (way.abs() * (high - low)).element_sum()
+        });
+        missing.fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_thin_body_is_as_near_its_hull_as_a_round_one() {
+        let round = lacks("sphere", DVec3::ONE);
+        assert!(round < 0.02, "{round}");
+        for squeezed in [DVec3::new(1.0, 0.03, 1.0), DVec3::new(0.05, 1.0, 0.4)] {
+            let thin = lacks("sphere", squeezed);
+            assert!(thin < 1.3 * round, "{squeezed}: {thin} of its extent, {round} if it is round");
+        }
     }
 }
