@@ -93,12 +93,13 @@ pub(super) fn add_particles(update: &mut Update<'_, '_>) {
         let mut room = room_for_marks(update, strip.wound);
         // Places at multiples of the spacing on the wound's line, whatever the strips' lengths: the first holds that end shut,
         // if it is one.
-        let is_first = update.strips.of_wound(strip.wound).next() == Some(k);
+        let first_strip = update.strips.of_wound(strip.wound).next().unwrap_or(k);
+        let is_first = first_strip == k;
         let is_open = is_first && !lips_meet(update, k, false, None);
         let (from, to) = (strip.place * f64::from(strip.way), strip.end_place() * f64::from(strip.way));
         let first = (from / wound.spacing).ceil() + f64::from(u8::from(is_open && from == 0.0));
         let places = (0..room).map(|i| (first + i as f64) * wound.spacing).take_while(|&s| s < to);
-        let is_here = strip.way > 0 && from <= first_of_open && first_of_open < to;
+        let is_here = strip.way > 0 && from <= first_of_open && first_of_open < to && update.strips.begins_chain(first_strip);
         let starts_open = is_here && if is_first { is_open } else { !starts_held(update, strip.wound, [0.0; 2]) };
         for place in starts_open.then_some(first_of_open).into_iter().chain(places) {
             for side in [1, -1] {

@@ -101,6 +101,11 @@ impl Strips {
         (first..self.len()).filter(move |&k| self.strips[k].wound == wound)
     }
 
+    /// True if a chain of the blade's way has its first strip on any wound's line here: what it begins in is not its own wound.
+    pub(super) fn begins_chain(&self, k: usize) -> bool {
+        (self.slit_start(k)..k).all(|i| self.strips[i].slit != self.strips[k].slit || self.strips[i].is_beside())
+    }
+
     /// Marks of a wound and their places among all, newest first.
     pub(super) fn marks_of(&self, wound: u32) -> impl Iterator<Item = (usize, &WoundMark)> {
         self.wounds.iter().enumerate().rev().filter(move |(_, m)| self.strips[m.strip as usize].wound == wound)
