@@ -62,7 +62,7 @@ impl WoundLine {
     /// The same at the end of a strip of it.
     pub(super) fn after(&self, strip: &OnLine) -> Self {
         let place = self.place + f64::from(self.way) * strip.length;
-        let offer = self.offer.filter(|_| place > self.opened[0] && place < self.opened[1]);
+        let offer = self.offer.filter(|o| !o.is_taken || place > self.opened[0] && place < self.opened[1]);
         Self { place, end: strip.skin[1], offer, ..*self }
     }
 
