@@ -463,18 +463,23 @@ fn stroke_over_the_front(scene: &mut Scene, y: f64, begins: f64) {
 /// A stroke of half a second of a blade whose tip and base are told for each place from -0.25 to 0.25, and a second more for its wound to
 /// open.
 fn stroke(scene: &mut Scene, width: f64, begins: f64, blade: impl Fn(f64) -> [DVec3; 2]) {
+    stroke_in(scene, width, (begins, 45, STEP), blade);
+}
+
+/// [`stroke`] in so many steps, each so many seconds long.
+fn stroke_in(scene: &mut Scene, width: f64, (begins, steps, step): (f64, u32, f64), blade: impl Fn(f64) -> [DVec3; 2]) {
     scene.edit(EditCommand::StrokeBegin { width });
-    for k in 0..=45 {
-        let (x, t) = (-0.25 + 0.5 * f64::from(k) / 45.0, begins + f64::from(k) * STEP);
+    for k in 0..=steps {
+        let (x, t) = (-0.25 + 0.5 * f64::from(k) / f64::from(steps), begins + f64::from(k) * step);
         let [tip, base] = blade(x);
         scene.edit(EditCommand::StrokePose(BladePose { t, tip, base }));
         scene.pose(t, 0.0);
-        scene.step(STEP);
+        scene.step(step);
     }
     scene.edit(EditCommand::StrokeEnd);
-    for k in 46..110 {
-        scene.pose(begins + f64::from(k) * STEP, 0.0);
-        scene.step(STEP);
+    for k in steps + 1..steps + 65 {
+        scene.pose(begins + f64::from(k) * step, 0.0);
+        scene.step(step);
     }
 }
 

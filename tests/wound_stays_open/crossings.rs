@@ -36,7 +36,9 @@ fn what_a_slow_blade_cuts_beyond_a_wound_is_another() {
             let (sin, cos) = degrees.to_radians().sin_cos();
             let ways = [DVec3::X, DVec3::new(cos, 0.0, sin)];
             for (k, way) in ways.into_iter().enumerate() {
-                slow_stroke_down_the_top(&mut scene, width, 4.0 * k as f64, 0.034 * way);
+                let to = 0.034 * way + 0.03 * DVec3::Y;
+                let from = to - 0.068 * way;
+                stroke_in(&mut scene, width, (5.0 * k as f64, 60, 1.0 / 30.0), |x| blade_down_the_top([from, to], x));
             }
             let strips = &only(&scene).layer().unwrap().strips;
             let of_second = (0..strips.len()).filter(|&k| strips.slit_start(k) > 0);
@@ -49,24 +51,6 @@ fn what_a_slow_blade_cuts_beyond_a_wound_is_another() {
             assert!(of_second.filter(off).count() > 4, "{degrees}, {width}: it was cut");
             assert_eq!(on_first, 0, "{degrees}, {width}: strips that lie on the line of a wound which they leave");
         }
-    }
-}
-
-/// A stroke of two seconds down the top of a bar, through its middle to `to` from as far on the other side, and a second for its wound to open.
-fn slow_stroke_down_the_top(scene: &mut Scene, width: f64, begins: f64, to: DVec3) {
-    scene.edit(EditCommand::StrokeBegin { width });
-    for k in 0..90 {
-        let t = begins + f64::from(k) / 30.0;
-        scene.pose(t, 0.0);
-        if k <= 60 {
-            let at = to * (f64::from(k) / 30.0 - 1.0);
-            let [tip, base] = [0.03, 0.26].map(|y| at + y * DVec3::Y);
-            scene.edit(EditCommand::StrokePose(BladePose { t, tip, base }));
-        }
-        if k == 60 {
-            scene.edit(EditCommand::StrokeEnd);
-        }
-        scene.step(1.0 / 30.0);
     }
 }
 
@@ -198,10 +182,13 @@ fn a_stroke_obliquely_across_a_wound_shuts_none_of_its_arms() {
 
 /// A stroke down through a bar's top.
 fn stroke_down_the_top(scene: &mut Scene, begins: f64, [from, to]: [DVec3; 2]) {
-    stroke(scene, 0.002, begins, |x| {
-        let tip = from.lerp(to, 2.0 * x + 0.5);
-        [tip, tip + 0.23 * DVec3::Y]
-    });
+    stroke(scene, 0.002, begins, |x| blade_down_the_top([from, to], x));
+}
+
+/// Tip and base of a blade whose tip goes from place to place, while `x` goes from -0.25 to 0.25.
+fn blade_down_the_top([from, to]: [DVec3; 2], x: f64) -> [DVec3; 2] {
+    let tip = from.lerp(to, 2.0 * x + 0.5);
+    [tip, tip + 0.23 * DVec3::Y]
 }
 
 /// How far the lips of the first wound in a bar's top have moved apart, every 2 mm along it, by what lies between those on either side.
