@@ -186,7 +186,7 @@ impl Tissue {
             let bones = self.blended_bones(vertex.parents());
             let rest = self.solve_rest(&bones, skinned);
             self.promoted_vertices += 1;
-            return self.rows.push_base(rest.as_vec3().to_array(), &bones);
+            return self.push_base_apart(vertex.vertex, rest, &bones);
         }
         self.rows.push_embedded(vertex.parents())
     }

@@ -5,7 +5,7 @@ use crate::formats::Material;
 use crate::geometry::{FaceId, SectionId, VertexId};
 use crate::rig::{BoneWeight, RowEntry};
 use crate::surgery::insert::NewVertex;
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec3, Vec3};
 use smallvec::SmallVec;
 use std::sync::Arc;
 
@@ -50,7 +50,7 @@ impl Tissue {
     pub(super) fn push_corner(&mut self, n: &NewVertex, made: &[NewVertex]) -> VertexId {
         let parent = n.parents[0].0;
         if parent.is_none() {
-            return self.rows.push_base(n.position.as_vec3().to_array(), &[]);
+            return self.push_base_apart(n.vertex, n.position, &[]);
         }
         let skinned = n.position - self.moved_by(parent, made);
         let mut chords = std::mem::take(&mut self.scratch.chords);
@@ -61,7 +61,19 @@ impl Tissue {
         }
         let bones = self.blended_bones(&[(parent, 1.0)]);
         let rest = self.solve_rest(&bones, skinned);
-        self.rows.push_base(rest.as_vec3().to_array(), &bones)
+        self.push_base_apart(n.vertex, rest, &bones)
+    }
+
+    /// Appends `vertex` as a base vertex at `rest`, rounded so that it does not fall upon one that an edge joins it to: planes that nearly
+    /// fall together meet in points that the nearest f32 cannot tell apart, and faces there would have no area.
+    pub(super) fn push_base_apart(&mut self, vertex: VertexId, rest: DVec3, bones: &[BoneWeight]) -> VertexId {
+        let Self { mesh, rows, .. } = &*self;
+        let known = |w: &VertexId| w.index() < rows.len();
+        let is_apart = |p: &Vec3| mesh.neighbours(vertex).filter(known).all(|w| rows.rest_position[w.index()] != p.to_array());
+        let nearest = rest.as_vec3();
+        let stays = !mesh.vertex_is_live(vertex) || is_apart(&nearest);
+        let rounded = if stays { nearest } else { beside(rest).into_iter().find(is_apart).unwrap_or(nearest) };
+        self.rows.push_base(rounded.to_array(), bones)
     }
 
     /// How far particles and fades move a vertex, which the edit may have made.
@@ -155,4 +167,13 @@ impl Tissue {
     pub(super) fn widen_section(&mut self, section: SectionId, vertices: impl Iterator<Item = VertexId>) {
         self.sections.widen_by(section, &self.rows, &self.rest, vertices);
     }
+}
+
+/// Stored positions that are next to the nearest of `p`, by a grain of the largest coordinate, nearest first.
+fn beside(p: DVec3) -> [Vec3; 6] {
+    let nearest = p.as_vec3();
+    let grain = nearest.abs().max_element() * f32::EPSILON;
+    let mut beside = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z].map(|axis| nearest + axis * grain);
+    beside.sort_by(|a, b| a.as_dvec3().distance_squared(p).total_cmp(&b.as_dvec3().distance_squared(p)));
+    beside
 }

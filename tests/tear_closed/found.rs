@@ -396,3 +396,28 @@ fn what_has_walls_alone_comes_off_as_well() {
         assert_eq!((tissue.component_faces().len(), tissue.validate()), (1, Ok(())), "{id:?}");
     }
 }
+
+/// Planes of boxes that nearly fall together meet in points that the nearest f32 cannot tell apart.
+#[test]
+fn no_edge_of_a_wall_joins_two_vertices_in_one_place() {
+    for i in 100..140 {
+        let (mut scene, ..) = still_scene(["heart", "sphere", "beam"][i % 3], 3000);
+        let (_, tissue) = scene.tissues().next().unwrap();
+        let (low, high) = tissue.bounds();
+        let (centre, size) = (tissue.offset() + (low + high) / 2.0, high - low);
+        let along = DVec3::new((i as f64).cos(), 0.0, (i as f64).sin());
+        let (across, height) = (along.cross(DVec3::Y), 0.4 - 0.01 * (i % 37) as f64);
+        let (count, reach) = (12 + i % 17, 0.05 + 0.01 * (i % 43) as f64);
+        let pose = |k: usize| {
+            let t = k as f64 / (count - 1) as f64;
+            let lean = (DVec3::Y + 0.5 * (t - 0.5) * along).normalize();
+            let way = along * (t - 0.5) + across * 0.2 * (std::f64::consts::TAU * t).sin();
+            let tip = centre + way * size.x * reach + DVec3::Y * size.y * (height + 0.04 * (91.0 * t * t + i as f64).sin());
+            BladePose { t, tip, base: tip + lean * size.length() }
+        };
+        let poses: Vec<BladePose> = (0..count).map(pose).collect();
+        let report = stroke(&mut scene, size.length() * 1e-4 * 1.08f64.powi((i % 61) as i32), &poses);
+        assert_eq!(report.outcome, Outcome::Torn);
+        assert!(report.pieces.iter().all(|p| p.closed && p.degenerate_faces == 0), "stroke {i}: {:?}", report.pieces);
+    }
+}
