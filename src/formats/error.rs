@@ -98,8 +98,10 @@ pub enum FormatError {
         /// How many there are.
         count: usize,
     },
-    /// A number is NaN or infinite.
-    #[error("{what} is not a finite number; repair the model in a modelling program (remove NaN and infinite values)")]
+    /// A number is NaN, infinite or beyond what f32 holds.
+    #[error(
+        "{what} is not a finite number, or is beyond 3.4e38; repair the model in a modelling program (remove NaN, infinite and enormous values)"
+    )]
     NotFinite {
         /// What holds it, with its index.
         what: String,

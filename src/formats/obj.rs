@@ -113,13 +113,17 @@ impl Reader<'_> {
 
     fn vertex(&mut self, rest: &str) -> Result<(), FormatError> {
         let [x, y, z, r, g, b] = self.numbers::<6>(rest, 3)?;
+        let at = DVec3::new(x, y, z);
+        if !at.as_vec3().is_finite() {
+            return Err(self.syntax("the vertex is not finite, or is beyond 3.4e38"));
+        }
         let coloured = rest.split_ascii_whitespace().count() >= 6;
         let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0).round() as u32;
         self.colours.push(if coloured { byte(r) | byte(g) << 8 | byte(b) << 16 | 0xff << 24 } else { WHITE });
         if self.stored.positions.len() as u64 >= u64::from(u32::MAX) {
             return Err(self.syntax("too many vertices"));
         }
-        self.stored.push(DVec3::new(x, y, z), NO_MARK, &[]);
+        self.stored.push(at, NO_MARK, &[]);
         Ok(())
     }
 

@@ -64,7 +64,11 @@ fn read_text(bytes: &[u8], stored: &mut Stored) -> Result<(), FormatError> {
                 let (Some(x), Some(y), Some(z)) = (next(), next(), next()) else {
                     return Err(syntax("a vertex needs three numbers"));
                 };
-                corners.push(DVec3::new(x, y, z));
+                let at = DVec3::new(x, y, z);
+                if !at.as_vec3().is_finite() {
+                    return Err(syntax("the vertex is not finite, or is beyond 3.4e38"));
+                }
+                corners.push(at);
             }
             "endloop" => {
                 let Ok(triangle) = <[DVec3; 3]>::try_from(std::mem::take(&mut corners)) else {
@@ -126,6 +130,8 @@ mod tests {
         assert!(matches!(read(&TEXT.as_bytes()[..TEXT.len() - 12]), Err(FormatError::Truncated { .. })));
         let two = TEXT.replace(" VERTEX 1 0 0\n", "");
         assert!(matches!(read(two.as_bytes()), Err(FormatError::Syntax { .. })));
+        let far = read(TEXT.replace("VERTEX 1 0 0", "VERTEX 1 1e300 0").as_bytes()).unwrap_err().to_string();
+        assert!(far.contains("line 5") && far.contains("beyond 3.4e38"), "{far}");
         let word = TEXT.replace("1e0", "one");
         assert!(read(word.as_bytes()).unwrap_err().to_string().contains("line 6"));
     }

@@ -64,8 +64,10 @@ fn models_whose_numbers_make_no_sense() {
     place.refused("inspect model.gltf", &["model.gltf: ", "joint", "5"]);
     place.write("far.obj", TETRAHEDRON.replace("f 2 3 4", "f 2 3 77"));
     place.refused("inspect far.obj", &["far.obj: ", "77", "only 4"]);
-    place.write("nan.obj", TETRAHEDRON.replace("v 1 0 0", "v nan 0 0"));
-    place.refused("inspect nan.obj", &["nan.obj: ", "finite"]);
+    for bad in ["nan", "inf", "1e300"] {
+        place.write("bad.obj", TETRAHEDRON.replace("v 1 0 0", &format!("v {bad} 0 0")));
+        place.refused("inspect bad.obj", &["bad.obj: ", "line 2", "not finite, or is beyond 3.4e38"]);
+    }
     // nothing is wrong with it unspoilt
     Gltf::default().write(&place);
     place.ok("inspect model.gltf");
