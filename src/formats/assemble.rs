@@ -6,7 +6,7 @@ use super::weld::{Welded, classes, weld};
 use super::{FormatError, LoadReport};
 use crate::geometry::topology::TopologyScratch;
 use crate::geometry::{FaceId, HalfEdge, Mesh, SlotCsr, VertexId, Wedge, WedgeId};
-use crate::rig::VertexRows;
+use crate::rig::{RoundedApart, VertexRows};
 use glam::DVec3;
 use std::collections::HashMap;
 
@@ -49,7 +49,8 @@ pub(crate) fn assemble(stored: &Stored, origin: DVec3, report: &mut LoadReport) 
         let text = "faces without an area are left out, and the model is open: what they closed is open now";
         report.warnings.push(format!("{} {text}", welded.flat_faces));
     }
-    let rest = first.iter().map(|&v| (stored.positions[v as usize] - origin).as_vec3().to_array()).collect();
+    let mut apart = RoundedApart::default();
+    let rest = first.iter().map(|&v| apart.round(stored.positions[v as usize] - origin).to_array()).collect();
     let bones = SlotCsr::from_rows(first.iter().map(|&v| stored.bones(v as usize)));
     mesh.take_delta(); // loading is not an edit
     Ok((mesh, VertexRows::from_base(rest, bones)))

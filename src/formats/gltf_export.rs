@@ -7,7 +7,7 @@ use super::gltf_tangents;
 use super::material::Material;
 use super::stored::WHITE;
 use crate::geometry::{FaceId, Mesh, VertexId};
-use crate::rig::{LocalTransform, Node, Pose, PoseScratch, Rig, Trs, VertexRows};
+use crate::rig::{LocalTransform, Node, Pose, PoseScratch, Rig, RoundedApart, Trs, VertexRows};
 use glam::{DAffine3, DQuat, DVec3};
 use std::collections::BTreeMap;
 
@@ -66,9 +66,12 @@ fn file_origin(rig: &Rig, pieces: &[ExportPiece<'_>]) -> DVec3 {
     if far { rig.origin.as_vec3().as_dvec3() } else { DVec3::ZERO }
 }
 
-/// Plain form of each live vertex, with the rest position as the file can hold it: f32, `shift` from tissue space.
+/// Plain form of each live vertex, with the rest position as the file can hold it: f32, `shift` from tissue space. Where the nearest f32
+/// is another vertex's already, whose place is another one, it is the next: a reader that welds by position would join them, and faces
+/// between them would have no area.
 fn plain_vertices(shift: DVec3, piece: &ExportPiece<'_>, pose: &Pose) -> Vec<Option<PlainVertex>> {
-    let rounded = |v: PlainVertex| PlainVertex { rest: (v.rest + shift).as_vec3().as_dvec3() - shift, ..v };
+    let mut apart = RoundedApart::default();
+    let mut rounded = |v: PlainVertex| PlainVertex { rest: apart.round(v.rest + shift).as_dvec3() - shift, ..v };
     let live = |v: usize| piece.mesh.vertex_is_live(VertexId::new(v));
     (0..piece.mesh.vertex_slots()).map(|v| live(v).then(|| rounded(plain(piece.rows, pose, VertexId::new(v))))).collect()
 }

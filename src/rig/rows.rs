@@ -7,6 +7,8 @@
 use crate::geometry::room::rows_headroom;
 use crate::geometry::{Delta, SlotCsr, SlotCsrDelta, StateHash, Tracked, VertexId};
 use bytemuck::{Pod, Zeroable};
+use glam::{DVec3, Vec3};
+use std::collections::HashMap;
 
 /// One term of an embedded vertex's row.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -99,7 +101,7 @@ impl VertexRows {
     }
 
     /// Rest position in f64: the stored one of a base vertex, the row's combination otherwise.
-    pub fn rest(&self, v: VertexId) -> glam::DVec3 {
+    pub fn rest(&self, v: VertexId) -> DVec3 {
         let row = self.rows.row(v.index());
         if row.is_empty() {
             return widen(self.rest_position[v.index()]);
@@ -143,7 +145,7 @@ impl VertexRows {
     }
 
     fn push_row(&mut self, row: &[RowEntry]) -> VertexId {
-        let rest: glam::DVec3 = row.iter().map(|e| widen(self.rest_position[e.base.index()]) * e.weight).sum();
+        let rest: DVec3 = row.iter().map(|e| widen(self.rest_position[e.base.index()]) * e.weight).sum();
         let vertex = VertexId::new(self.rest_position.push(rest.as_vec3().to_array()));
         self.rows.push_row(row);
         self.bones.push_row(&[]);
@@ -247,8 +249,39 @@ fn merge(row: &mut Vec<RowEntry>, base: VertexId, weight: f64) {
     }
 }
 
-pub(crate) fn widen(p: [f32; 3]) -> glam::DVec3 {
-    glam::Vec3::from_array(p).as_dvec3()
+pub(crate) fn widen(p: [f32; 3]) -> DVec3 {
+    Vec3::from_array(p).as_dvec3()
+}
+
+/// Stored positions that are next to the nearest of `p`, by a grain of the largest coordinate, nearest first.
+pub(crate) fn beside(p: DVec3) -> [Vec3; 6] {
+    let nearest = p.as_vec3();
+    let grain = nearest.abs().max_element() * f32::EPSILON;
+    let mut beside = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z].map(|axis| nearest + axis * grain);
+    beside.sort_by(|a, b| a.as_dvec3().distance_squared(p).total_cmp(&b.as_dvec3().distance_squared(p)));
+    beside
+}
+
+/// Two positions no farther apart than this, as a fraction of the largest coordinate, are one place that was computed twice.
+const SAME: f64 = 1e-12;
+
+/// Rounds places so that no two of them share a stored position: where the nearest f32 is that of another place already, to the next.
+#[derive(Debug, Default)]
+pub(crate) struct RoundedApart {
+    /// The place that each stored position is of; looked up only, so its order decides nothing.
+    taken: HashMap<[u32; 3], DVec3>,
+}
+
+impl RoundedApart {
+    /// The stored position of `p`: the same for the same place.
+    pub fn round(&mut self, p: DVec3) -> Vec3 {
+        let mut is_free = |rounded: &Vec3| {
+            let key = (*rounded + 0.0).to_array().map(f32::to_bits);
+            p.distance(*self.taken.entry(key).or_insert(p)) <= SAME * p.abs().max_element()
+        };
+        let nearest = p.as_vec3();
+        if is_free(&nearest) { nearest } else { beside(p).into_iter().find(is_free).unwrap_or(nearest) }
+    }
 }
 
 #[cfg(test)]
@@ -260,11 +293,26 @@ mod tests {
     }
 
     #[test]
+    fn places_keep_apart() {
+        let mut rounded = RoundedApart::default();
+        let p = DVec3::new(0.7, 1e-9, -0.25);
+        let first = rounded.round(p);
+        assert_eq!((first, rounded.round(p), rounded.round(p + DVec3::Y * 1e-22)), (p.as_vec3(), first, first));
+        let mut all = vec![first];
+        for k in 1..7 {
+            let near = p + DVec3::Z * 1e-11 * f64::from(k);
+            let next = rounded.round(near);
+            assert!(near.distance(next.as_dvec3()) < 1.5e-7 && !all.contains(&next), "{k}: {next}");
+            all.push(next);
+        }
+    }
+
+    #[test]
     fn rows_of_rows_lean_on_base_vertices() {
         let mut rows = triangle();
         let middle = rows.push_embedded(&[(VertexId(0), 0.5), (VertexId(1), 0.5)]);
         let inner = rows.push_embedded(&[(middle, 0.5), (VertexId(2), 0.5)]);
-        assert_eq!(rows.rest(inner), glam::DVec3::new(0.25, 0.5, 0.0));
+        assert_eq!(rows.rest(inner), DVec3::new(0.25, 0.5, 0.0));
         assert_eq!(rows.rows.row(inner.index()).len(), 3);
         assert_eq!(rows.validate(), Ok(()));
     }

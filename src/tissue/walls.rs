@@ -3,7 +3,7 @@
 use super::Tissue;
 use crate::formats::Material;
 use crate::geometry::{FaceId, SectionId, VertexId};
-use crate::rig::{BoneWeight, RowEntry};
+use crate::rig::{BoneWeight, RowEntry, beside};
 use crate::surgery::insert::NewVertex;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use smallvec::SmallVec;
@@ -167,13 +167,4 @@ impl Tissue {
     pub(super) fn widen_section(&mut self, section: SectionId, vertices: impl Iterator<Item = VertexId>) {
         self.sections.widen_by(section, &self.rows, &self.rest, vertices);
     }
-}
-
-/// Stored positions that are next to the nearest of `p`, by a grain of the largest coordinate, nearest first.
-fn beside(p: DVec3) -> [Vec3; 6] {
-    let nearest = p.as_vec3();
-    let grain = nearest.abs().max_element() * f32::EPSILON;
-    let mut beside = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z].map(|axis| nearest + axis * grain);
-    beside.sort_by(|a, b| a.as_dvec3().distance_squared(p).total_cmp(&b.as_dvec3().distance_squared(p)));
-    beside
 }
