@@ -5,7 +5,7 @@ use super::FormatError;
 use super::material::Material;
 use super::mtl;
 use super::polygon::PolygonCutter;
-use super::stored::{Dress, NO_MARK, Stored, StoredFace, WHITE};
+use super::stored::{Dress, NO_MARK, Stored, StoredFace, WHITE, check_finite};
 use glam::DVec3;
 use std::collections::HashMap;
 use std::path::Path;
@@ -114,9 +114,7 @@ impl Reader<'_> {
     fn vertex(&mut self, rest: &str) -> Result<(), FormatError> {
         let [x, y, z, r, g, b] = self.numbers::<6>(rest, 3)?;
         let at = DVec3::new(x, y, z);
-        if !at.as_vec3().is_finite() {
-            return Err(self.syntax("the vertex is not finite, or is beyond 3.4e38"));
-        }
+        check_finite(at).map_err(|detail| self.syntax(detail))?;
         let coloured = rest.split_ascii_whitespace().count() >= 6;
         let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0).round() as u32;
         self.colours.push(if coloured { byte(r) | byte(g) << 8 | byte(b) << 16 | 0xff << 24 } else { WHITE });

@@ -1,7 +1,7 @@
 //! STL, text and binary. A triangle soup: the assembler finds the topology (MATHS 1.6).
 
 use super::FormatError;
-use super::stored::{Dress, NO_MARK, Stored, StoredFace};
+use super::stored::{Dress, NO_MARK, Stored, StoredFace, check_finite};
 use glam::DVec3;
 use std::io::Cursor;
 
@@ -65,9 +65,7 @@ fn read_text(bytes: &[u8], stored: &mut Stored) -> Result<(), FormatError> {
                     return Err(syntax("a vertex needs three numbers"));
                 };
                 let at = DVec3::new(x, y, z);
-                if !at.as_vec3().is_finite() {
-                    return Err(syntax("the vertex is not finite, or is beyond 3.4e38"));
-                }
+                check_finite(at).map_err(syntax)?;
                 corners.push(at);
             }
             "endloop" => {

@@ -8,6 +8,11 @@ pub(crate) const WHITE: u32 = u32::MAX;
 /// [`Stored::marks`] of a vertex without a mark.
 pub(crate) const NO_MARK: u32 = u32::MAX;
 
+/// Refuses a vertex that f32 does not hold, with what to tell of it.
+pub(crate) fn check_finite(at: DVec3) -> Result<(), &'static str> {
+    if at.as_vec3().is_finite() { Ok(()) } else { Err("the vertex is not finite, or is beyond 3.4e38") }
+}
+
 /// Corner attributes of a stored face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Dress {

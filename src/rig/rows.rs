@@ -253,13 +253,16 @@ pub(crate) fn widen(p: [f32; 3]) -> DVec3 {
     Vec3::from_array(p).as_dvec3()
 }
 
-/// Stored positions that are next to the nearest of `p`, by a grain of the largest coordinate, nearest first.
-pub(crate) fn beside(p: DVec3) -> [Vec3; 6] {
+/// The stored position nearest to `p` that is free: rounded, else a grain of the largest coordinate beside that. Rounded if none is.
+pub(crate) fn rounded(p: DVec3, mut is_free: impl FnMut(&Vec3) -> bool) -> Vec3 {
     let nearest = p.as_vec3();
+    if is_free(&nearest) {
+        return nearest;
+    }
     let grain = nearest.abs().max_element() * f32::EPSILON;
     let mut beside = [Vec3::X, Vec3::Y, Vec3::Z, Vec3::NEG_X, Vec3::NEG_Y, Vec3::NEG_Z].map(|axis| nearest + axis * grain);
     beside.sort_by(|a, b| a.as_dvec3().distance_squared(p).total_cmp(&b.as_dvec3().distance_squared(p)));
-    beside
+    beside.into_iter().find(is_free).unwrap_or(nearest)
 }
 
 /// Two positions no farther apart than this, as a fraction of the largest coordinate, are one place that was computed twice.
@@ -275,12 +278,10 @@ pub(crate) struct RoundedApart {
 impl RoundedApart {
     /// The stored position of `p`: the same for the same place.
     pub fn round(&mut self, p: DVec3) -> Vec3 {
-        let mut is_free = |rounded: &Vec3| {
-            let key = (*rounded + 0.0).to_array().map(f32::to_bits);
+        rounded(p, |stored| {
+            let key = (*stored + 0.0).to_array().map(f32::to_bits);
             p.distance(*self.taken.entry(key).or_insert(p)) <= SAME * p.abs().max_element()
-        };
-        let nearest = p.as_vec3();
-        if is_free(&nearest) { nearest } else { beside(p).into_iter().find(is_free).unwrap_or(nearest) }
+        })
     }
 }
 

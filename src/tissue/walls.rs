@@ -3,7 +3,7 @@
 use super::Tissue;
 use crate::formats::Material;
 use crate::geometry::{FaceId, SectionId, VertexId};
-use crate::rig::{BoneWeight, RowEntry, beside};
+use crate::rig::{BoneWeight, RowEntry, rounded};
 use crate::surgery::insert::NewVertex;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use smallvec::SmallVec;
@@ -12,7 +12,7 @@ use std::sync::Arc;
 /// Below this ratio of the blended matrix's volume to one, the dominant bone poses a corner instead.
 const NEAR_SINGULAR: f64 = 0.05;
 /// A corner this near to its place, as a fraction of the diagonal, is off by rounding alone.
-const ROUNDING: f64 = 5e-7;
+pub(super) const ROUNDING: f64 = 5e-7;
 /// Bones that a corner leans on at most, as in glTF.
 const MOST_BONES: usize = 4;
 /// Bones that several vertices lean on, as many as there is room for at first.
@@ -70,10 +70,8 @@ impl Tissue {
         let Self { mesh, rows, .. } = &*self;
         let known = |w: &VertexId| w.index() < rows.len();
         let is_apart = |p: &Vec3| mesh.neighbours(vertex).filter(known).all(|w| rows.rest_position[w.index()] != p.to_array());
-        let nearest = rest.as_vec3();
-        let stays = !mesh.vertex_is_live(vertex) || is_apart(&nearest);
-        let rounded = if stays { nearest } else { beside(rest).into_iter().find(is_apart).unwrap_or(nearest) };
-        self.rows.push_base(rounded.to_array(), bones)
+        let stored = rounded(rest, |p| !mesh.vertex_is_live(vertex) || is_apart(p));
+        self.rows.push_base(stored.to_array(), bones)
     }
 
     /// How far particles and fades move a vertex, which the edit may have made.
