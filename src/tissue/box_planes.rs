@@ -123,15 +123,25 @@ impl BoxPlanes {
         self.start = 0;
     }
 
-    /// Vertices on the lips of the box before are on this one's sides, however the tissue has moved them, if `beside` says of one and of a
-    /// plane of its side that they belong together.
-    pub(super) fn tag_lips(&self, lips: &[(VertexId, i8)], beside: impl Fn(VertexId, &Plane) -> bool, tags: &mut Vec<OnPlanes>) {
-        let planes = |side: Side| (0..self.sides.len()).filter(|&k| self.sides[k] == side).fold(0, |m, k| m | 1 << k);
-        let (minus, plus) = (planes(Side::Minus), planes(Side::Plus));
-        let of = |l: &(VertexId, i8)| OnPlanes { vertex: l.0, planes: if l.1 < 0 { minus } else { plus } };
-        let is_beside =
-            |t: &OnPlanes| (0..self.planes.len()).any(|k| t.planes >> k & 1 == 1 && beside(t.vertex, &self.planes[k]));
-        tags.extend(lips.iter().map(of).filter(is_beside));
+    /// Vertices on the lips of the box before are on this one's sides, however the tissue has moved them, if they are no farther than `most`
+    /// from one of the side's planes; `off` gives distances. Where a side is not flat they are on its outermost plane, and on others only if
+    /// they are not `inside` of those, metres: faces that meet in a lip would be cut along a plane that passes it by, and at an angle.
+    pub(super) fn tag_lips(
+        &self,
+        lips: &[(VertexId, i8)],
+        off: impl Fn(VertexId, &Plane) -> f64,
+        [most, inside]: [f64; 2],
+        tags: &mut Vec<OnPlanes>,
+    ) {
+        let of_lip = |&(vertex, side): &(VertexId, i8)| {
+            let side = if side < 0 { Side::Minus } else { Side::Plus };
+            let planes = (0..self.sides.len()).filter(|&k| self.sides[k] == side).map(|k| (k, off(vertex, &self.planes[k])));
+            let outermost = planes.clone().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max);
+            let is_beside = planes.clone().any(|p| p.1.abs() <= most);
+            let on = planes.filter(|p| p.1 >= outermost.min(-inside)).fold(0, |m, (k, _)| m | 1 << k);
+            is_beside.then_some(OnPlanes { vertex, planes: on })
+        };
+        tags.extend(lips.iter().filter_map(of_lip));
         tags.sort_unstable_by_key(|t| t.vertex);
         tags.dedup_by(|a, b| {
             b.planes |= if a.vertex == b.vertex { a.planes } else { 0 };

@@ -21,6 +21,7 @@ mod wound_line;
 
 use super::inside::{CLEARANCE, Seen, corners_inside, is_buried, is_crumpled};
 use super::positions::PositionCache;
+use super::walls::ROUNDING;
 use super::{Tissue, TissueDelta};
 use crate::geometry::{Distinct, FaceId, Plane, VertexId};
 use crate::particles::LipVertex;
@@ -378,8 +379,8 @@ impl TearStroke {
             // a blade that turns leaves lips that are none of the next box's; walls have to meet all the same
             let most = if self.wall == WallMode::Closed { f64::INFINITY } else { LIP_OFF * tear_box.length() };
             let seen = &self.positions;
-            let beside = |v: VertexId, plane: &Plane| plane.distance(seen.of(tissue, v)).abs() <= most;
-            planes.tag_lips(&before.lips, beside, &mut tags);
+            let off = |v: VertexId, plane: &Plane| plane.distance(seen.of(tissue, v));
+            planes.tag_lips(&before.lips, off, [most, ROUNDING * tissue.diagonal()], &mut tags);
         }
         let material = if self.wall == WallMode::Closed { tissue.wound_material() } else { 0 };
         let [low, high] = tear_box.bounds();
