@@ -27,16 +27,30 @@ fn handles(mesh: &Mesh) -> usize {
     usize::try_from(components - characteristic / 2).unwrap()
 }
 
+/// Brings a model that began to move at `begins`, seconds, to its frame `i` of a scene.
+fn step(scene: &mut Scene, begins: f64, i: u32) {
+    scene.pose(f64::from(i) * STEP, begins + f64::from(i) * STEP);
+    scene.step(STEP);
+}
+
+/// A stroke through a model that moves, a pose a frame from frame 5 on; `blade` gives `[tip, base]` at a share of the way.
+fn draw_through(scene: &mut Scene, begins: f64, (width, poses): (f64, u32), blade: impl Fn(f64) -> [DVec3; 2]) {
+    scene.edit(EditCommand::StrokeBegin { width });
+    for i in 0..=poses {
+        let [tip, base] = blade(f64::from(i) / f64::from(poses));
+        scene.edit(EditCommand::StrokePose(BladePose { t: f64::from(i) * STEP, tip, base }));
+        step(scene, begins, 5 + i);
+    }
+    scene.edit(EditCommand::StrokeEnd);
+    assert_eq!(scene.validate(), Ok(()));
+}
+
 /// Openings and handles after a stroke in half a second or more, from place `k` of a spiral over the front of a heart that beats.
 fn torn(k: u32, wall: WallMode) -> (usize, usize) {
     let mut scene = heart();
     scene.set_wall(wall);
     let (turn, begins) = (2.4 * f64::from(k), 0.17 * f64::from(k));
-    let step = |scene: &mut Scene, i: u32| {
-        scene.pose(f64::from(i) * STEP, begins + f64::from(i) * STEP);
-        scene.step(STEP);
-    };
-    (0..5).for_each(|i| step(&mut scene, i));
+    (0..5).for_each(|i| step(&mut scene, begins, i));
     let at = |turn: f64, by: f64| by * DVec3::new(turn.cos(), turn.sin(), 0.0);
     let middle = at(turn, 0.001 * f64::from(k));
     let (way, poses) = (at(1.7 * turn, 1.0), 40 + 4 * k);
@@ -45,16 +59,11 @@ fn torn(k: u32, wall: WallMode) -> (usize, usize) {
     let (share, _) = scene.tissues().next().unwrap().1.blade_entry(middle, base).expect("skin in front of the middle");
     let skin = base.lerp(middle, share);
     let depth = 0.005 + 0.0002 * f64::from(k);
-    scene.edit(EditCommand::StrokeBegin { width: 0.0004 });
-    for i in 0..=poses {
-        let share = f64::from(i) / f64::from(poses);
+    draw_through(&mut scene, begins, (0.0004, poses), |share| {
         let p = middle + way * 0.03 * (share - 0.5) + way.cross(DVec3::Z) * 0.002 * (9.0 * share).sin();
         let tip = p.with_z(skin.z - depth - 0.002 * (2.0 * share - 1.0).powi(2));
-        scene.edit(EditCommand::StrokePose(BladePose { t: f64::from(i) * STEP, tip, base: tip + 0.06 * DVec3::Z }));
-        step(&mut scene, 5 + i);
-    }
-    scene.edit(EditCommand::StrokeEnd);
-    assert_eq!(scene.validate(), Ok(()));
+        [tip, tip + 0.06 * DVec3::Z]
+    });
     scene.tissues().fold((0, 0), |(openings, all), (_, t)| (openings + border_loops(t.mesh()), all + handles(t.mesh())))
 }
 
@@ -75,11 +84,8 @@ fn a_blade_that_turns_in_moving_tissue_leaves_no_bridges() {
         let mut scene = users_scene("heart", 400, 0.3);
         scene.set_wall(WallMode::Closed);
         scene.set_animation(Some(0));
-        let step = |scene: &mut Scene, i: u32| {
-            scene.pose(f64::from(i) * STEP, 0.07 * k + f64::from(i) * STEP);
-            scene.step(STEP);
-        };
-        (1..5).for_each(|i| step(&mut scene, i));
+        let begins = 0.07 * k;
+        (1..5).for_each(|i| step(&mut scene, begins, i));
         let tissue = scene.tissues().next().unwrap().1;
         let (low, high) = tissue.bounds();
         let (middle, size, turn) = ((low + high) / 2.0, tissue.diagonal(), 0.4 * k);
@@ -88,15 +94,10 @@ fn a_blade_that_turns_in_moving_tissue_leaves_no_bridges() {
         let inside = (middle + blade).lerp(middle, share) - 0.08 * size * DVec3::Z;
         let way = 0.3 * size * DVec3::new(turn.cos(), 0.4 * turn.sin(), 0.0);
         let leans = 0.3 * size * (3.0 * turn).sin() * DVec3::Y;
-        scene.edit(EditCommand::StrokeBegin { width: 0.003 * size });
-        for i in 0..=54 {
-            let share = f64::from(i) / 54.0 - 0.5;
-            let tip = inside + share * way;
-            scene.edit(EditCommand::StrokePose(BladePose { t: f64::from(i) * STEP, tip, base: tip + blade + share * leans }));
-            step(&mut scene, 5 + i);
-        }
-        scene.edit(EditCommand::StrokeEnd);
-        assert_eq!(scene.validate(), Ok(()));
+        draw_through(&mut scene, begins, (0.003 * size, 54), |share| {
+            let tip = inside + (share - 0.5) * way;
+            [tip, tip + blade + (share - 0.5) * leans]
+        });
         assert_eq!(scene.tissues().map(|(_, t)| handles(t.mesh())).sum::<usize>(), 0, "stroke {k}");
     }
 }

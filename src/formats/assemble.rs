@@ -1,7 +1,7 @@
 //! From a stored surface to a mesh with rows: wedges, normals, one fan a vertex, tissue coordinates.
 
 use super::flats::flip_flat;
-use super::stored::{Dress, Stored};
+use super::stored::{Dress, Stored, check_finite};
 use super::weld::{Welded, classes, weld};
 use super::{FormatError, LoadReport};
 use crate::geometry::topology::TopologyScratch;
@@ -63,7 +63,7 @@ fn check(stored: &Stored) -> Result<(), FormatError> {
         }
     }
     // f32 carries what the GPU is given: beyond its range a position is as bad as an infinite one
-    match stored.positions.iter().position(|p| !p.as_vec3().is_finite()) {
+    match stored.positions.iter().position(|p| check_finite(*p).is_err()) {
         Some(v) => Err(FormatError::NotFinite { what: format!("the position of vertex {v}") }),
         None => Ok(()),
     }

@@ -7,6 +7,7 @@ use crate::surgery::tear::OnPlanes;
 use crate::surgery::walls::Facets;
 use crate::surgery::{Side, TearBox};
 use glam::DVec3;
+use smallvec::SmallVec;
 
 /// The planes of a box, a flat side's two triangles as one.
 #[derive(Default)]
@@ -135,10 +136,11 @@ impl BoxPlanes {
     ) {
         let of_lip = |&(vertex, side): &(VertexId, i8)| {
             let side = if side < 0 { Side::Minus } else { Side::Plus };
-            let planes = (0..self.sides.len()).filter(|&k| self.sides[k] == side).map(|k| (k, off(vertex, &self.planes[k])));
-            let outermost = planes.clone().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max);
-            let is_beside = planes.clone().any(|p| p.1.abs() <= most);
-            let on = planes.filter(|p| p.1 >= outermost.min(-inside)).fold(0, |m, (k, _)| m | 1 << k);
+            let of_side = (0..self.sides.len()).filter(|&k| self.sides[k] == side);
+            let planes: SmallVec<[(usize, f64); 2]> = of_side.map(|k| (k, off(vertex, &self.planes[k]))).collect();
+            let outermost = planes.iter().map(|p| p.1).fold(f64::NEG_INFINITY, f64::max);
+            let is_beside = planes.iter().any(|p| p.1.abs() <= most);
+            let on = planes.iter().filter(|p| p.1 >= outermost.min(-inside)).fold(0, |m, (k, _)| m | 1 << k);
             is_beside.then_some(OnPlanes { vertex, planes: on })
         };
         tags.extend(lips.iter().filter_map(of_lip));
